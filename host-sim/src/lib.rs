@@ -1,0 +1,2 @@
+//! Host program around the `eha-monitor` core.
+pub mod record;
