@@ -3,3 +3,9 @@
 #![forbid(unsafe_code)]
 
 pub mod channel;
+pub mod command;
+pub mod integrate;
+pub mod model;
+pub mod parameter;
+pub mod scalar;
+pub mod simulate;

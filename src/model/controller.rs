@@ -1,0 +1,59 @@
+//! The position controller: `Cor = sat(GAP*e + GAI*int(e) + GAD*de/dt - GAS*dx/dt, CorM)`.
+
+use super::state::{Input, side};
+use crate::parameter::Parameters;
+use crate::scalar::Real;
+
+/// Gains and limits of the controller.
+#[derive(Clone, Copy, Debug)]
+pub struct Controller<T> {
+    proportional: T,
+    integral: T,
+    derivative: T,
+    velocity: T,
+    /// Limit of the current `CorM`, mA.
+    pub current_limit: T,
+    /// Limit of the integrated error `ErIM`, m s.
+    pub integral_limit: T,
+}
+
+impl<T: Real> Controller<T> {
+    /// The controller of a set of parameters.
+    pub const fn new(p: &Parameters<T>) -> Self {
+        Self {
+            proportional: p.proportional_gain,
+            integral: p.integral_gain,
+            derivative: p.derivative_gain,
+            velocity: p.velocity_gain,
+            current_limit: p.current_limit,
+            integral_limit: p.integral_limit,
+        }
+    }
+
+    /// Current before its limit, mA, from the fed-back position and velocity and the integrated error.
+    #[inline(always)]
+    pub fn demand(&self, input: &Input<T>, position: T, velocity: T, integral: T) -> T {
+        self.proportional * (input.command - position)
+            + self.integral * integral
+            + self.derivative * (input.command_rate - velocity)
+            - self.velocity * velocity
+    }
+
+    /// Rate of the demand, mA/s, from the rates of what it is made of.
+    #[inline(always)]
+    pub fn demand_rate(&self, input: &Input<T>, position: T, velocity: T, acceleration: T) -> T {
+        self.proportional * (input.command_rate - velocity) + self.integral * (input.command - position)
+            - (self.derivative + self.velocity) * acceleration
+    }
+
+    /// The current that leaves the controller in a mode of its limit; `one` is 1 (see [`super::Model::derivative`]).
+    #[inline(always)]
+    pub fn current(&self, mode: i8, demand: T, one: T) -> T {
+        if mode == 0 { demand } else { side::<T>(mode) * self.current_limit * one }
+    }
+
+    /// Is the controller purely proportional, so that it needs no state?
+    pub fn is_proportional(&self) -> bool {
+        self.integral == T::ZERO
+    }
+}

@@ -1,0 +1,151 @@
+//! The second stage and the jack's chambers: from spool opening and ram velocity to the differential pressure.
+
+use super::state::side;
+use crate::parameter::Parameters;
+use crate::scalar::Real;
+
+/// Constants of the fluid block.
+#[derive(Clone, Copy, Debug)]
+pub struct Fluid<T> {
+    /// Pressure gain `GP`, Pa/m, at the supply ratio.
+    pressure_gain: T,
+    /// Flow gain `GQ`, m^2/s, at the supply ratio.
+    flow_gain: T,
+    /// `1/GPQ + Clk`, m^3/(s Pa).
+    conductance: T,
+    /// `1/(1 + GPQ Clk)`.
+    leak_factor: T,
+    /// `GPQ AJ`, Pa s/m.
+    damping: T,
+    /// Supply over return `PSR`, Pa.
+    pub supply: T,
+    /// Rated supply `PSR0`, Pa.
+    rated_supply: T,
+    /// Blend from the linear (0) to the square-root form (1).
+    blend: T,
+    /// Jack area, m^2.
+    area: T,
+    /// `4 beta/Vt`, Pa/m^3; 0 for incompressible oil.
+    bulk_stiffness: T,
+    /// Return pressure, Pa.
+    return_pressure: T,
+    /// Vapour pressure, Pa.
+    vapour_pressure: T,
+}
+
+impl<T: Real> Fluid<T> {
+    /// The fluid of a set of parameters at a supply ratio `k`: pressure gain times `k`, flow gain times `sqrt(k)`.
+    pub fn new(p: &Parameters<T>, supply_ratio: T) -> Self {
+        let pressure_gain = p.pressure_gain * supply_ratio;
+        let flow_gain = p.flow_gain * supply_ratio.root();
+        let gpq = pressure_gain / flow_gain;
+        // Vt = 2 AJ XJM
+        let volume = T::literal(2.0) * p.jack_area * p.jack_stop;
+        Self {
+            pressure_gain,
+            flow_gain,
+            conductance: T::ONE / gpq + p.leakage,
+            leak_factor: T::ONE / (T::ONE + gpq * p.leakage),
+            damping: gpq * p.jack_area,
+            supply: p.supply_pressure * supply_ratio,
+            rated_supply: p.supply_pressure,
+            blend: p.metering_blend,
+            area: p.jack_area,
+            bulk_stiffness: if p.oil_compliance > T::ZERO {
+                T::literal(4.0) / (p.oil_compliance * volume)
+            } else {
+                T::ZERO
+            },
+            return_pressure: p.return_pressure,
+            vapour_pressure: p.vapour_pressure,
+        }
+    }
+
+    /// Is the oil compressible, so that the pressure is a state?
+    #[inline(always)]
+    pub fn is_compressible(&self) -> bool {
+        self.bulk_stiffness > T::ZERO
+    }
+
+    /// Is the linear form in use?
+    #[inline(always)]
+    pub fn is_linear(&self) -> bool {
+        self.blend == T::ZERO
+    }
+
+    /// Pressure of the linear form before its limit, Pa: `(GP XS - GPQ AJ v)/(1 + GPQ Clk)`.
+    #[inline(always)]
+    pub fn linear_pressure(&self, opening: T, velocity: T) -> T {
+        (self.pressure_gain * opening - self.damping * velocity) * self.leak_factor
+    }
+
+    /// Pressure of the linear form in a mode of its limit, Pa.
+    #[inline(always)]
+    pub fn limited_pressure(&self, mode: i8, opening: T, velocity: T, one: T) -> T {
+        if mode == 0 { self.linear_pressure(opening, velocity) } else { side::<T>(mode) * self.supply * one }
+    }
+
+    /// Pressure in the middle of a step whose velocity depends on it, `v = velocity + compliance * P12`, Pa, for
+    /// either form of incompressible fluid.
+    #[inline(always)]
+    pub fn implicit_pressure(&self, mode: i8, opening: T, velocity: T, compliance: T) -> T {
+        if !self.is_linear() {
+            self.metering_pressure(opening, velocity, compliance)
+        } else if mode == 0 {
+            self.linear_pressure(opening, velocity) / (T::ONE + self.leak_factor * self.damping * compliance)
+        } else {
+            side::<T>(mode) * self.supply
+        }
+    }
+
+    /// Largest magnitude of the differential pressure in the metering form, Pa: there the chamber that empties
+    /// reaches the vapour pressure, `PRV + (PSR - P12)/2 = PVap`.
+    pub fn cavitation_limit(&self) -> T {
+        self.supply + T::literal(2.0) * (self.return_pressure - self.vapour_pressure)
+    }
+
+    /// Pressures of the two chambers, Pa: `PRV + (PSR +- P12)/2`, not below the vapour pressure.
+    pub fn chamber_pressures(&self, differential: T) -> [T; 2] {
+        let half = T::literal(0.5);
+        [
+            (self.return_pressure + (self.supply + differential) * half).larger(self.vapour_pressure),
+            (self.return_pressure + (self.supply - differential) * half).larger(self.vapour_pressure),
+        ]
+    }
+
+    /// Pressure that satisfies the metering law when the ram velocity itself depends on it,
+    /// `v = velocity + compliance * P12`, Pa.
+    ///
+    /// With `y = sqrt((PSR - s P12)/PSR0)`, `s = sgn(XS)`, the law
+    /// `AJ v = GQ XS ((1 - b) + b y) - (1/GPQ + Clk) P12` is a quadratic in `y` with one root that is not negative.
+    #[inline]
+    pub fn metering_pressure(&self, opening: T, velocity: T, compliance: T) -> T {
+        let sign = if opening < T::ZERO { -T::ONE } else { T::ONE };
+        let flow = self.flow_gain * opening.magnitude();
+        let slope = self.area * compliance + self.conductance;
+        let a = slope * self.rated_supply;
+        let b = flow * self.blend;
+        let c = flow * (T::ONE - self.blend) - sign * self.area * velocity - slope * self.supply;
+        let limit = self.cavitation_limit();
+        if c >= T::ZERO {
+            // The throttle passes nothing (y = 0): what the ram displaces leaves through the conductance.
+            return (sign * (self.supply + c / slope)).saturate(limit);
+        }
+        // The stable form of the root: y = -2c/(b + sqrt(b^2 - 4ac)).
+        let y = -T::literal(2.0) * c / (b + (b * b - T::literal(4.0) * a * c).root());
+        (sign * (self.supply - self.rated_supply * y * y)).saturate(limit)
+    }
+
+    /// Rate of the pressure of compressible oil, Pa/s: `4 beta/Vt (Q - AJ v - Clk P12)`.
+    #[inline(always)]
+    pub fn pressure_rate(&self, opening: T, velocity: T, pressure: T) -> T {
+        let flow = if self.is_linear() {
+            self.flow_gain * opening
+        } else {
+            let sign = if opening < T::ZERO { -T::ONE } else { T::ONE };
+            let head = ((self.supply - sign * pressure) / self.rated_supply).larger(T::ZERO);
+            self.flow_gain * opening * (T::ONE - self.blend + self.blend * head.root())
+        };
+        self.bulk_stiffness * (flow - self.area * velocity - self.conductance * pressure)
+    }
+}

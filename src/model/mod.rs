@@ -1,0 +1,300 @@
+//! The actuator: blocks of the loop, one file each, composed here.
+//!
+//! ```text
+//! command --> controller --> torque motor, flapper, first stage --> spool --> fluid --> jack --> x --> play --> LVDT
+//!                 ^                    valve.rs                     valve.rs  fluid.rs  jack.rs  |     play.rs  sensor.rs
+//!                 +------------------------------- x_fb -------------------------------------------+
+//! ```
+//!
+//! Every law is piecewise affine or smooth. A [`Mode`] names the active piece of each; inside a mode the model is a
+//! smooth ordinary differential equation, and the functions in `events.rs` tell when the mode ends and what follows.
+//! One set of equations serves the high-fidelity (HF) and the low-fidelity (LF) model: they differ in [`Form`] and in
+//! parameters only.
+
+pub mod controller;
+mod events;
+pub mod fluid;
+pub mod jack;
+mod midpoint;
+pub mod play;
+pub mod sensor;
+pub mod state;
+pub mod valve;
+
+use crate::parameter::Parameters;
+use crate::scalar::Real;
+use controller::Controller;
+pub use events::{EXTRA_GUARDS, LOOP_GUARDS};
+use fluid::Fluid;
+use jack::Jack;
+use play::in_contact;
+use state::{BASE_ORDER, FULL_ORDER, Input, Mode, State, side};
+use valve::{PilotStage, Spool};
+
+/// The servo valve's level of detail.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ValveForm {
+    /// Flapper with mass, then spool: section 2 of the design.
+    #[default]
+    TwoStage,
+    /// Flapper without mass and damping, then spool.
+    StaticFlapper,
+    /// The whole valve as one lag with a rate limit, as the source's conclusion proposes.
+    FirstOrder,
+}
+
+/// Which position the controller sees.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Feedback {
+    /// The ram, before the backlash.
+    #[default]
+    Ram,
+    /// The user, behind the backlash.
+    User,
+}
+
+/// What moves the jack.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Drive {
+    /// Controller, valve and fluid.
+    #[default]
+    Valve,
+    /// A force that is an input (`drive_N`); the command is not used.
+    Force,
+}
+
+/// The structure of a model: what its parameters cannot express.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Form {
+    /// Detail of the valve.
+    pub valve: ValveForm,
+    /// Position that is fed back.
+    pub feedback: Feedback,
+    /// What moves the jack.
+    pub drive: Drive,
+}
+
+/// Time constant of the supply's sag, s.
+const SAG_LAG: f64 = 0.05;
+
+/// An actuator with its parameters, ready to be integrated.
+#[derive(Clone, Copy, Debug)]
+pub struct Model<T> {
+    /// Its structure.
+    pub form: Form,
+    parameters: Parameters<T>,
+    /// Controller.
+    pub controller: Controller<T>,
+    /// Torque motor, flapper and first stage.
+    pub pilot: PilotStage<T>,
+    /// Spool.
+    pub spool: Spool<T>,
+    /// Second stage and chambers.
+    pub fluid: Fluid<T>,
+    /// Jack.
+    pub jack: Jack<T>,
+}
+
+impl<T: Real> Model<T> {
+    /// A model of a form with parameters.
+    pub fn new(form: Form, parameters: &Parameters<T>) -> Self {
+        Self {
+            form,
+            parameters: *parameters,
+            controller: Controller::new(parameters),
+            pilot: PilotStage::new(parameters),
+            spool: Spool::new(parameters),
+            fluid: Fluid::new(parameters, parameters.supply_ratio),
+            jack: Jack::new(parameters),
+        }
+    }
+
+    /// The parameters that it was made of.
+    pub const fn parameters(&self) -> &Parameters<T> {
+        &self.parameters
+    }
+
+    /// Is every law piecewise affine, so that transition matrices are exact?
+    pub fn is_affine(&self) -> bool {
+        self.fluid.is_linear() && self.jack.is_affine() && self.parameters.supply_sag == T::ZERO
+    }
+
+    /// Number of leading entries of the state that this model moves.
+    pub fn order(&self) -> usize {
+        let base = self.controller.is_proportional()
+            && self.pilot.hysteresis == T::ZERO
+            && self.pilot.feedback_play == T::ZERO
+            && self.form.feedback == Feedback::Ram
+            && !self.fluid.is_compressible()
+            && self.parameters.supply_sag == T::ZERO;
+        if base { BASE_ORDER } else { FULL_ORDER }
+    }
+
+    /// Has the model guards beyond those of the plain loop (plays, overlap, integral limit, step load)?
+    pub fn has_extra_guards(&self) -> bool {
+        self.order() == FULL_ORDER || self.spool.overlap != T::ZERO || self.jack.has_step_load()
+    }
+
+    /// The state of rest with the ram at a position, valve centred, every play in the middle of its gap.
+    pub fn at_rest(&self, ram: T) -> State<T> {
+        State { ram, fed_back_user: ram, ..State::default() }
+    }
+
+    /// The mode of the state of rest.
+    pub fn mode_at_rest(&self) -> Mode {
+        // The first-order valve has no friction: its spool is always free.
+        Mode { spool: i8::from(self.form.valve == ValveForm::FirstOrder), ..Mode::default() }
+    }
+
+    /// Position that the controller sees, m.
+    #[inline(always)]
+    fn fed_back(&self, z: &State<T>) -> T {
+        match self.form.feedback {
+            Feedback::Ram => z.ram + z.ram_rest,
+            Feedback::User => z.fed_back_user,
+        }
+    }
+
+    /// The part of the ram's velocity (or acceleration) that the controller sees.
+    #[inline(always)]
+    fn fed_back_rate(&self, mode: &Mode, ram_rate: T) -> T {
+        match self.form.feedback {
+            Feedback::User if mode.user_play == 0 => T::ZERO,
+            Feedback::User | Feedback::Ram => ram_rate,
+        }
+    }
+
+    /// Current before its limit, mA.
+    #[inline(always)]
+    pub fn demand(&self, mode: &Mode, z: &State<T>, input: &Input<T>) -> T {
+        let velocity = self.fed_back_rate(mode, z.ram_velocity);
+        self.controller.demand(input, self.fed_back(z), velocity, z.integral)
+    }
+
+    /// Current behind the torque motor's hysteresis, mA.
+    #[inline(always)]
+    fn motor_current(&self, mode: &Mode, z: &State<T>, current: T, one: T) -> T {
+        if self.pilot.hysteresis == T::ZERO {
+            current
+        } else if mode.hysteresis == 0 {
+            z.held_current
+        } else {
+            in_contact(current, side(mode.hysteresis), self.pilot.hysteresis * one)
+        }
+    }
+
+    /// Spool position that the feedback spring feels, m.
+    #[inline(always)]
+    fn sensed_spool(&self, mode: &Mode, z: &State<T>, one: T) -> T {
+        if self.pilot.feedback_play == T::ZERO {
+            z.spool
+        } else if mode.feedback_play == 0 {
+            z.sensed_spool
+        } else {
+            in_contact(z.spool, side(mode.feedback_play), self.pilot.feedback_play * one)
+        }
+    }
+
+    /// Flapper position, m: its state, or its balance where it has none.
+    #[inline(always)]
+    fn flapper_position(&self, mode: &Mode, z: &State<T>, motor_force: T, sensed: T, one: T) -> T {
+        if self.form.valve.has_flapper_state() {
+            z.flapper
+        } else if mode.flapper == 0 {
+            self.pilot.balanced_position(motor_force, sensed)
+        } else {
+            side::<T>(mode.flapper) * self.pilot.stop * one
+        }
+    }
+
+    /// First-stage pressure, Pa, in a mode of its limit.
+    #[inline(always)]
+    fn first_stage_pressure(&self, mode: &Mode, flapper: T, one: T) -> T {
+        if mode.first_stage == 0 {
+            self.pilot.pressure_gain * flapper
+        } else {
+            side::<T>(mode.first_stage) * self.fluid.supply * one
+        }
+    }
+
+    /// Spool velocity, m/s.
+    #[inline(always)]
+    fn spool_velocity(&self, mode: &Mode, z: &State<T>, motor_force: T, flapper: T, one: T) -> T {
+        if !mode.spool_slides() {
+            return T::ZERO;
+        }
+        if self.form.valve == ValveForm::FirstOrder {
+            return if mode.flapper == 0 {
+                self.spool.bandwidth * (self.pilot.balanced_spool(motor_force) - z.spool)
+            } else {
+                side::<T>(mode.flapper) * self.spool.rate_limit * one
+            };
+        }
+        self.spool.velocity(self.first_stage_pressure(mode, flapper, one), side(mode.spool), one)
+    }
+
+    /// Differential pressure of the linear form, Pa.
+    #[inline(always)]
+    fn linear_pressure(&self, mode: &Mode, z: &State<T>, one: T) -> T {
+        if self.form.drive == Drive::Force {
+            T::ZERO
+        } else if self.fluid.is_compressible() {
+            z.pressure
+        } else {
+            let opening = self.spool.opening(z.spool, side(mode.overlap), one);
+            self.fluid.limited_pressure(mode.pressure, opening, z.ram_velocity, one)
+        }
+    }
+
+    /// Rate of change of the state in a mode, for the affine laws.
+    ///
+    /// It is linear in `(z, input, one)`: `one` is 1 for the rate itself, and every constant term is multiplied by it.
+    /// So the columns of the system matrix are the rates of unit vectors with `one = 0`, and the constant term is the
+    /// rate of zero with `one = 1`: the matrices are derived from the equations, never written twice.
+    pub fn affine_rate(&self, mode: &Mode, z: &State<T>, input: &Input<T>, one: T) -> State<T> {
+        let pressure = self.linear_pressure(mode, z, one);
+        let direction = side(mode.jack);
+        let (velocity, acceleration) = if mode.jack_slides() {
+            let drive = self.jack.drive(pressure, z.ram, input.force, mode.step_load != 0, one);
+            (z.ram_velocity, self.jack.affine_acceleration(drive, z.ram_velocity, direction, one))
+        } else {
+            (T::ZERO, T::ZERO)
+        };
+        let mut rate = State { ram: velocity, ram_velocity: acceleration, ..State::default() };
+        if self.form.drive == Drive::Force {
+            return rate;
+        }
+        let seen_velocity = self.fed_back_rate(mode, z.ram_velocity);
+        let demand = self.controller.demand(input, self.fed_back(z), seen_velocity, z.integral);
+        let current = self.controller.current(mode.current, demand, one);
+        let motor_current = self.motor_current(mode, z, current, one);
+        let motor_force = self.pilot.torque_motor_force(motor_current, one);
+        let sensed = self.sensed_spool(mode, z, one);
+        let flapper = self.flapper_position(mode, z, motor_force, sensed, one);
+        rate.spool = self.spool_velocity(mode, z, motor_force, flapper, one);
+        if self.form.valve.has_flapper_state() && mode.flapper == 0 {
+            rate.flapper = z.flapper_velocity;
+            let force = self.pilot.static_force(motor_force, sensed, z.flapper);
+            rate.flapper_velocity = self.pilot.acceleration(force, z.flapper_velocity);
+        }
+        if mode.integral == 0 {
+            rate.integral = input.command - self.fed_back(z);
+        }
+        if mode.hysteresis != 0 && mode.current == 0 {
+            let seen_acceleration = self.fed_back_rate(mode, acceleration);
+            rate.held_current =
+                self.controller.demand_rate(input, self.fed_back(z), seen_velocity, seen_acceleration);
+        }
+        if mode.feedback_play != 0 {
+            rate.sensed_spool = rate.spool;
+        }
+        if mode.user_play != 0 {
+            rate.fed_back_user = velocity;
+        }
+        if self.fluid.is_compressible() && mode.pressure == 0 {
+            let opening = self.spool.opening(z.spool, side(mode.overlap), one);
+            rate.pressure = self.fluid.pressure_rate(opening, velocity, z.pressure);
+        }
+        rate
+    }
+}

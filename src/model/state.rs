@@ -1,0 +1,282 @@
+//! State, mode and input of the actuator: what moves, which piece of each non-linearity is active, what drives it.
+
+use crate::scalar::Real;
+
+/// The continuous state. The first five entries are the base model; the others move only with the effect that needs
+/// them, and stay at zero otherwise. [`Form::order`](super::Form) says how many an integrator must carry.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct State<T> {
+    /// Flapper position `XF`, m.
+    pub flapper: T,
+    /// Flapper velocity `XF'`, m/s.
+    pub flapper_velocity: T,
+    /// Spool position `XS`, m.
+    pub spool: T,
+    /// Ram position `x`, m.
+    pub ram: T,
+    /// Ram velocity `v`, m/s.
+    pub ram_velocity: T,
+    /// Integrated position error, m s.
+    pub integral: T,
+    /// Current behind the torque motor's hysteresis, mA.
+    pub held_current: T,
+    /// Spool position that the feedback spring feels, behind its play, m.
+    pub sensed_spool: T,
+    /// User position where it is fed back (behind the backlash), m.
+    pub fed_back_user: T,
+    /// Differential pressure `P12` where the oil is compressible, Pa.
+    pub pressure: T,
+    /// Supply ratio `k` minus 1, lagged, where the supply sags.
+    pub sag: T,
+    /// What rounding has cut off the ram position, m: the ram is at `ram + ram_rest`. While the spool sticks the loop
+    /// is open, and in `f32` the rounding of thousands of small steps would move the ram by tenths of a micrometre.
+    pub ram_rest: T,
+    /// The same for the spool, m: at its rate limit it adds the same increment, and the same rounding, step after step.
+    pub spool_rest: T,
+}
+
+/// Number of states of the base model.
+pub const BASE_ORDER: usize = 5;
+/// Place of the spool position in the vector.
+const SPOOL: usize = 2;
+/// Place of the ram position in the vector.
+pub const RAM: usize = 3;
+/// Number of states with every effect.
+pub const FULL_ORDER: usize = 11;
+
+impl<T: Real> State<T> {
+    /// The state as a vector, the base model first.
+    #[inline(always)]
+    pub const fn to_array(&self) -> [T; FULL_ORDER] {
+        [
+            self.flapper,
+            self.flapper_velocity,
+            self.spool,
+            self.ram,
+            self.ram_velocity,
+            self.integral,
+            self.held_current,
+            self.sensed_spool,
+            self.fed_back_user,
+            self.pressure,
+            self.sag,
+        ]
+    }
+
+    /// The state from its vector.
+    #[inline(always)]
+    pub const fn from_array(values: [T; FULL_ORDER]) -> Self {
+        let [
+            flapper,
+            flapper_velocity,
+            spool,
+            ram,
+            ram_velocity,
+            integral,
+            held_current,
+            sensed_spool,
+            fed_back_user,
+            pressure,
+            sag,
+        ] = values;
+        Self {
+            flapper,
+            flapper_velocity,
+            spool,
+            ram,
+            ram_velocity,
+            integral,
+            held_current,
+            sensed_spool,
+            fed_back_user,
+            pressure,
+            sag,
+            ram_rest: T::ZERO,
+            spool_rest: T::ZERO,
+        }
+    }
+
+    /// Moves the ram, m, and keeps what rounding cuts off.
+    #[inline(always)]
+    pub fn move_ram(&mut self, change: T) {
+        (self.ram, self.ram_rest) = compensated(self.ram, self.ram_rest, change);
+    }
+
+    /// Moves the spool, m, and keeps what rounding cuts off.
+    #[inline(always)]
+    pub fn move_spool(&mut self, change: T) {
+        (self.spool, self.spool_rest) = compensated(self.spool, self.spool_rest, change);
+    }
+
+    /// The state after a change of its first `N` entries.
+    #[inline(always)]
+    pub fn changed<const N: usize>(&self, change: &[T; N]) -> Self {
+        let mut all = self.to_array();
+        for (value, by) in all.iter_mut().zip(change) {
+            *value += *by;
+        }
+        let mut next = Self::from_array(all);
+        (next.spool, next.spool_rest) = compensated(self.spool, self.spool_rest, change[SPOOL]);
+        (next.ram, next.ram_rest) = compensated(self.ram, self.ram_rest, change[RAM]);
+        next
+    }
+
+    /// The first `N` entries.
+    #[inline(always)]
+    pub fn leading<const N: usize>(&self) -> [T; N] {
+        let mut first = [T::ZERO; N];
+        for (to, from) in first.iter_mut().zip(self.to_array()) {
+            *to = from;
+        }
+        first
+    }
+}
+
+/// A sum and what rounding cut off it (Kahan).
+#[inline(always)]
+fn compensated<T: Real>(sum: T, rest: T, change: T) -> (T, T) {
+    let due = change + rest;
+    let next = sum + due;
+    (next, due - (next - sum))
+}
+
+/// The active piece of each piecewise law.
+///
+/// `0` is the interior (unsaturated, in the gap of a play, stuck); `1` and `-1` the side that is active (saturated,
+/// in contact, sliding in that direction); `2` and `-2` an end stop.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Mode {
+    /// Current at its limit.
+    pub current: i8,
+    /// Flapper at its stop (first-order valve: spool at its rate limit).
+    pub flapper: i8,
+    /// First-stage pressure at its limit.
+    pub first_stage: i8,
+    /// Spool sliding, stuck (0) or at its stop.
+    pub spool: i8,
+    /// Net pressure at its limit.
+    pub pressure: i8,
+    /// Jack sliding, stuck (0) or at its stop.
+    pub jack: i8,
+    /// Spool outside its dead zone.
+    pub overlap: i8,
+    /// Integrated error at its limit.
+    pub integral: i8,
+    /// Contact of the torque motor's hysteresis.
+    pub hysteresis: i8,
+    /// Contact of the feedback spring's play.
+    pub feedback_play: i8,
+    /// Contact of the backlash where the user position is fed back.
+    pub user_play: i8,
+    /// The step load is on (1) or not yet (0).
+    pub step_load: i8,
+}
+
+impl Mode {
+    /// Identifies the transition matrices of this mode: modes that differ in a direction only share them.
+    #[inline]
+    pub const fn key(&self) -> u16 {
+        (self.current != 0) as u16
+            | ((self.flapper != 0) as u16) << 1
+            | ((self.first_stage != 0) as u16) << 2
+            | (self.spool_slides() as u16) << 3
+            | ((self.pressure != 0) as u16) << 4
+            | (self.jack_slides() as u16) << 5
+            | ((self.overlap != 0) as u16) << 6
+            | ((self.integral != 0) as u16) << 7
+            | ((self.hysteresis != 0) as u16) << 8
+            | ((self.feedback_play != 0) as u16) << 9
+            | ((self.user_play != 0) as u16) << 10
+    }
+
+    /// Does the spool move?
+    #[inline(always)]
+    pub const fn spool_slides(&self) -> bool {
+        self.spool == 1 || self.spool == -1
+    }
+
+    /// Does the ram move?
+    #[inline(always)]
+    pub const fn jack_slides(&self) -> bool {
+        self.jack == 1 || self.jack == -1
+    }
+}
+
+/// The sign of a mode as a scalar: -1, 0 or 1.
+#[inline(always)]
+pub fn side<T: Real>(mode: i8) -> T {
+    match mode {
+        0 => T::ZERO,
+        i8::MIN..=-1 => -T::ONE,
+        _ => T::ONE,
+    }
+}
+
+/// What drives the actuator at one instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Input<T> {
+    /// Commanded position `com`, m.
+    pub command: T,
+    /// Rate of the command, m/s.
+    pub command_rate: T,
+    /// Force on the jack from outside, N, positive in extension: driving force minus external load.
+    pub force: T,
+}
+
+/// The input over one sample: both lines run from the value at its start to the value at its end.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct InputSegment<T> {
+    /// Input at the start of the sample.
+    pub start: Input<T>,
+    /// Rate of the force, N/s.
+    pub force_rate: T,
+    /// Time of the start of the sample since the start of the record, s.
+    pub time: T,
+}
+
+impl<T: Real> InputSegment<T> {
+    /// The line between two samples of command and force.
+    #[inline]
+    pub fn between(command: [T; 2], force: [T; 2], time: T, sample_rate: T) -> Self {
+        Self {
+            start: Input {
+                command: command[0],
+                command_rate: (command[1] - command[0]) * sample_rate,
+                force: force[0],
+            },
+            force_rate: (force[1] - force[0]) * sample_rate,
+            time,
+        }
+    }
+
+    /// The input a time after the start of the sample.
+    #[inline(always)]
+    pub fn at(&self, elapsed: T) -> Input<T> {
+        Input {
+            command: self.start.command + self.start.command_rate * elapsed,
+            command_rate: self.start.command_rate,
+            force: self.start.force + self.force_rate * elapsed,
+        }
+    }
+}
+
+/// What the model predicts at a sample, in the order of [`Channel::MEASURED`](crate::channel::Channel::MEASURED).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Outputs<T> {
+    /// User position as the LVDT gives it, m.
+    pub user: T,
+    /// Ram position, m.
+    pub ram: T,
+    /// Servo-valve current, mA.
+    pub current: T,
+    /// Differential pressure, Pa.
+    pub pressure: T,
+}
+
+impl<T: Real> Outputs<T> {
+    /// The outputs as a vector.
+    #[inline(always)]
+    pub const fn to_array(&self) -> [T; 4] {
+        [self.user, self.ram, self.current, self.pressure]
+    }
+}

@@ -1,0 +1,72 @@
+//! A model, its integrator and its sensors as one thing that answers: what would the channels show next?
+
+use crate::integrate::{Run, Stepper, advance};
+use crate::model::Drive;
+use crate::model::Model;
+use crate::model::play::play;
+use crate::model::sensor::{Lvdt, LvdtState};
+use crate::model::state::{Input, InputSegment, Outputs};
+use crate::scalar::Real;
+
+/// What is the same for a whole simulation: model and sensors.
+#[derive(Clone, Copy, Debug)]
+pub struct Actuator<T> {
+    /// The model.
+    pub model: Model<T>,
+    lvdt: Lvdt<T>,
+}
+
+/// What changes from sample to sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion<T> {
+    /// The loop's place in its motion.
+    pub run: Run<T>,
+    /// User position behind the backlash, m.
+    pub user: T,
+    lvdt: LvdtState<T>,
+}
+
+impl<T: Real> Motion<T> {
+    /// A motion that goes on from a run, with the user at a position behind the backlash, m.
+    pub const fn resuming(run: Run<T>, user: T) -> Self {
+        Self { run, user, lvdt: LvdtState::at_rest(user) }
+    }
+}
+
+impl<T: Real> Actuator<T> {
+    /// An actuator whose channels are sampled with a period in s.
+    pub fn new(model: Model<T>, sample_period: T) -> Self {
+        Self { model, lvdt: Lvdt::new(model.parameters(), sample_period) }
+    }
+
+    /// The motion that starts at rest at a ram position, the user centred behind the backlash.
+    pub fn at_rest(&self, ram: T, input: &Input<T>) -> Motion<T> {
+        Motion::resuming(Run::at_rest(&self.model, ram, input), ram)
+    }
+
+    /// Advances a motion by one sample.
+    #[inline]
+    pub fn advance<S: Stepper<T>>(&self, stepper: &mut S, motion: &mut Motion<T>, segment: &InputSegment<T>) {
+        let half = self.model.half_backlash();
+        let mut user = motion.user;
+        advance(stepper, &self.model, &mut motion.run, segment, |ram| user = play(ram, user, half));
+        motion.user = user;
+    }
+
+    /// What the channels show at the present place of a motion. Call it once a sample: the LVDT has a memory.
+    #[inline]
+    pub fn measure(&self, motion: &mut Motion<T>, input: &Input<T>) -> Outputs<T> {
+        let (mode, state) = (&motion.run.mode, &motion.run.state);
+        let current = if self.model.form.drive == Drive::Force {
+            T::ZERO
+        } else {
+            self.model.controller.current(mode.current, self.model.demand(mode, state, input), T::ONE)
+        };
+        Outputs {
+            user: self.lvdt.sample(&mut motion.lvdt, motion.user),
+            ram: state.ram,
+            current,
+            pressure: self.model.pressure(mode, state),
+        }
+    }
+}
