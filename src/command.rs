@@ -192,7 +192,7 @@ mod tests {
         extern crate std;
         for k in -4000..4000 {
             let turns = f64::from(k) * 1.7e-3;
-            let exact = std::primitive::f64::sin(turns * core::f64::consts::TAU);
+            let exact = f64::sin(turns * core::f64::consts::TAU);
             assert!((sine_of_turns(turns) - exact).abs() < 1e-14, "{turns}");
             assert!((f64::from(sine_of_turns(turns as f32)) - exact).abs() < 3e-6, "{turns}");
         }

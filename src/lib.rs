@@ -4,6 +4,8 @@
 
 pub mod channel;
 pub mod command;
+pub mod fit;
+pub mod ga;
 pub mod integrate;
 pub mod model;
 pub mod parameter;

@@ -64,6 +64,8 @@ pub trait Scalar:
 pub trait Real: Scalar<Mask = bool> + PartialOrd {
     /// An unsigned count as a scalar (exact up to 2^24 in `f32`).
     fn from_count(count: u32) -> Self;
+    /// A setting that is kept in single precision.
+    fn literal_f32(value: f32) -> Self;
     /// Neither infinite nor NaN?
     fn finite(self) -> bool;
     /// Largest integer not above `self`, for magnitudes below 2^31.
@@ -122,6 +124,10 @@ macro_rules! scalar {
             #[inline(always)]
             fn from_count(count: u32) -> Self {
                 count as Self
+            }
+            #[inline(always)]
+            fn literal_f32(value: f32) -> Self {
+                value.into()
             }
             #[inline(always)]
             fn finite(self) -> bool {

@@ -52,6 +52,7 @@ struct Ladder<T, const N: usize> {
 /// The ladders are a cache: they are made when a mode is first entered, and results do not depend on `SLOTS`.
 #[derive(Clone, Debug)]
 pub struct Exact<T, const N: usize, const SLOTS: usize> {
+    sample_period: T,
     finest: T,
     units: u32,
     ladders: [Option<Ladder<T, N>>; SLOTS],
@@ -64,34 +65,19 @@ pub struct Exact<T, const N: usize, const SLOTS: usize> {
 }
 
 impl<T: Real, const N: usize, const SLOTS: usize> Exact<T, N, SLOTS> {
-    /// An empty cache for samples with a period in s. `has_force` says whether any force input is ever not zero.
-    pub fn new(sample_period: T, has_force: bool) -> Self {
-        let mut repeats: u32 = 1;
-        while repeats < 1024 && sample_period > T::literal(LONGEST_STEP) * T::from_count(repeats) {
-            repeats += 1;
-        }
-        let units = FINEST_PER_COARSEST * repeats;
+    /// An empty cache.
+    pub const fn new() -> Self {
         Self {
-            finest: sample_period / T::from_count(units),
-            units,
+            sample_period: T::ZERO,
+            finest: T::ZERO,
+            units: FINEST_PER_COARSEST,
             ladders: [None; SLOTS],
             next: 0,
             slot: 0,
-            has_force,
+            has_force: false,
             mode: None,
             constants: [[T::ZERO; N]; LEVELS],
         }
-    }
-
-    /// Forgets the ladders: the rig has changed.
-    pub fn clear(&mut self) {
-        self.ladders = [None; SLOTS];
-        self.mode = None;
-    }
-
-    /// Forgets what depends on constant terms: `FDJ`, an offset or a load has changed.
-    pub fn refresh(&mut self) {
-        self.mode = None;
     }
 
     fn occupied(&self, slot: usize, key: u16) -> bool {
@@ -124,8 +110,29 @@ impl<T: Real, const N: usize, const SLOTS: usize> Exact<T, N, SLOTS> {
     }
 }
 
+impl<T: Real, const N: usize, const SLOTS: usize> Default for Exact<T, N, SLOTS> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Exact<T, N, SLOTS> {
     const TOP: usize = LEVELS - 1;
+
+    fn begin(&mut self, sample_period: T, has_force: bool, rig_changed: bool) {
+        if rig_changed || sample_period != self.sample_period {
+            let mut repeats: u32 = 1;
+            while repeats < 1024 && sample_period > T::literal(LONGEST_STEP) * T::from_count(repeats) {
+                repeats += 1;
+            }
+            self.units = FINEST_PER_COARSEST * repeats;
+            self.finest = sample_period / T::from_count(self.units);
+            self.sample_period = sample_period;
+            self.ladders = [None; SLOTS];
+        }
+        self.has_force = has_force;
+        self.mode = None;
+    }
 
     fn units(&self) -> u32 {
         self.units

@@ -12,27 +12,31 @@ use crate::scalar::Real;
 /// Fixed steps by the midpoint rule.
 #[derive(Clone, Copy, Debug)]
 pub struct Midpoint<T> {
+    longest_step: T,
     step: T,
     steps_per_sample: u32,
 }
 
 impl<T: Real> Midpoint<T> {
-    /// As many steps in a sample (period in s) as keep each at or below a longest step, s.
-    pub fn new(sample_period: T, longest_step: T) -> Self {
-        let mut steps_per_sample: u32 = 1;
-        // A tolerance of 1e-4 of a step, so that 1 ms in 1 us steps is 1000 in every precision.
-        while steps_per_sample < 1_000_000
-            && T::from_count(steps_per_sample) * longest_step
-                < sample_period - longest_step * T::literal(1e-2)
-        {
-            steps_per_sample += 1;
-        }
-        Self { step: sample_period / T::from_count(steps_per_sample), steps_per_sample }
+    /// Equal steps in every sample, as few as keep each at or below a longest step, s (at most a million).
+    pub const fn new(longest_step: T) -> Self {
+        Self { longest_step, step: longest_step, steps_per_sample: 1 }
     }
 }
 
 impl<T: Real> Stepper<T> for Midpoint<T> {
     const TOP: usize = 0;
+
+    fn begin(&mut self, sample_period: T, _: bool, _: bool) {
+        // A hundredth of a step is forgiven, so that 1 ms in steps of 1 us is 1000 in every precision.
+        let due = sample_period - self.longest_step * T::literal(1e-2);
+        let mut steps: u32 = 1;
+        while steps < 1_000_000 && T::from_count(steps) * self.longest_step < due {
+            steps += 1;
+        }
+        self.steps_per_sample = steps;
+        self.step = sample_period / T::from_count(steps);
+    }
 
     fn units(&self) -> u32 {
         self.steps_per_sample

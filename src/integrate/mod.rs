@@ -113,6 +113,10 @@ pub trait Stepper<T: Real> {
     /// Coarsest level: a step of level `l` is `4^l` finest steps long.
     const TOP: usize;
 
+    /// Gets ready for a run: the sample period, s, whether a force input is ever not zero, and whether a parameter
+    /// that reaches the dynamics has changed since the last run.
+    fn begin(&mut self, sample_period: T, has_force: bool, rig_changed: bool);
+
     /// Finest steps in one sample.
     fn units(&self) -> u32;
 

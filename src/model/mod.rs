@@ -21,7 +21,7 @@ pub mod sensor;
 pub mod state;
 pub mod valve;
 
-use crate::parameter::Parameters;
+use crate::parameter::{Parameter, Parameters, Reach};
 use crate::scalar::Real;
 use controller::Controller;
 pub use events::{EXTRA_GUARDS, LOOP_GUARDS};
@@ -106,6 +106,14 @@ impl<T: Real> Model<T> {
             spool: Spool::new(parameters),
             fluid: Fluid::new(parameters, parameters.supply_ratio),
             jack: Jack::new(parameters),
+        }
+    }
+
+    /// Where a parameter acts in this form: the backlash is inside the loop where the user position is fed back.
+    pub fn reach(form: Form, parameter: Parameter) -> Reach {
+        match (parameter, form.feedback) {
+            (Parameter::Backlash, Feedback::User) => Reach::Constant,
+            _ => parameter.reach(),
         }
     }
 

@@ -1,0 +1,310 @@
+//! Gauss-Newton finish with standard errors: what the search has found is brought to the bottom of its basin.
+//!
+//! Derivatives are forward differences in the genes. The model and its perturbed neighbours walk along the record
+//! together, a few samples at a time, so no trace is stored.
+
+use super::problem::{MEASURED, Misfit, Problem, Record};
+use super::walk::Walk;
+use crate::integrate::Stepper;
+use crate::model::Model;
+use crate::scalar::Real;
+use nalgebra::{RealField, SMatrix, SVector};
+
+/// Samples that one model walks before the next one follows: amortises what a change of model costs the stepper.
+const CHUNK: usize = 16;
+
+/// How a finish is made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings<T> {
+    /// Width of the forward difference, in genes.
+    pub difference: T,
+    /// Most steps.
+    pub steps: u32,
+    /// A step that promises to lower chi-square by less is not made: the place is the bottom.
+    pub tolerance: T,
+}
+
+impl<T: Real> Default for Settings<T> {
+    /// 0.2 % of the range; in `f32` the model's rounding is then a hundredth of the difference for the friction.
+    fn default() -> Self {
+        Self { difference: T::literal(2e-3), steps: 12, tolerance: T::literal(1e-4) }
+    }
+}
+
+/// Why a finish ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// No step promises anything.
+    Bottom,
+    /// No damping makes a step that helps: rounding, or an event that a candidate jumps over.
+    Stuck,
+    /// The steps were used up.
+    Steps,
+}
+
+/// Normal equations at one place: misfit, half gradient and half curvature of chi-square, in genes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Normal<T, const GENES: usize> {
+    /// Misfit.
+    pub misfit: Misfit<T>,
+    /// `J^T r`.
+    pub gradient: SVector<T, GENES>,
+    /// `J^T J`; 1 on the diagonal of genes that are not in use.
+    pub curvature: SMatrix<T, GENES, GENES>,
+}
+
+/// Where a finish ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Finish<T, const GENES: usize> {
+    /// Genes.
+    pub genes: [T; GENES],
+    /// Normal equations there.
+    pub normal: Normal<T, GENES>,
+    /// Evaluations of the model that it took.
+    pub evaluations: u32,
+    /// Why it ended.
+    pub ending: Ending,
+}
+
+/// The normal equations at a place.
+///
+/// `steppers` holds one stepper, shared in turns, or one for each model (`free + 1`): the latter is needed for speed
+/// where a free parameter reaches the transition matrices. It must not be empty.
+pub fn normal_equations<T, S, const GENES: usize>(
+    problem: &Problem<'_, T>,
+    genes: &[T; GENES],
+    difference: T,
+    steppers: &mut [S],
+) -> Normal<T, GENES>
+where
+    T: Real + RealField,
+    S: Stepper<T>,
+{
+    let active = problem.free.len().min(GENES);
+    let mut normal = Normal {
+        misfit: Misfit { chi_square: T::ZERO, count: 0 },
+        gradient: SVector::from_element(T::ZERO),
+        curvature: SMatrix::from_fn(
+            |row, column| if row == column && row >= active { T::ONE } else { T::ZERO },
+        ),
+    };
+    // Differences point inwards at the upper bound.
+    let widths: [T; GENES] =
+        core::array::from_fn(|gene| if genes[gene] + difference > T::ONE { -difference } else { difference });
+    let base = problem.model(genes);
+    let neighbours: [Model<T>; GENES] = core::array::from_fn(|gene| {
+        let mut moved = *genes;
+        moved[gene] += widths[gene];
+        if gene < active { problem.model(&moved) } else { base }
+    });
+    let shared = steppers.len() <= active;
+    let dynamic = problem.moves_dynamics();
+    for (index, record) in problem.records.iter().enumerate() {
+        let has_force = !record.force.is_empty();
+        for stepper in steppers.iter_mut() {
+            stepper.begin(record.sample_period, has_force, dynamic && (index == 0 || shared));
+        }
+        let mut walks: [Walk<T>; GENES] = core::array::from_fn(|gene| Walk::new(&neighbours[gene], record));
+        let mut walk = Walk::new(&base, record);
+        loop {
+            let mut chunk = Chunk::<T, GENES>::new();
+            chunk.fill_base(problem, record, &mut walk, select(steppers, 0, shared));
+            if chunk.filled == 0 {
+                break;
+            }
+            for gene in 0..active {
+                let stepper = select(steppers, gene + 1, shared);
+                if shared {
+                    stepper.begin(record.sample_period, has_force, dynamic);
+                }
+                chunk.fill_neighbour(problem, record, &mut walks[gene], stepper, gene);
+            }
+            if shared {
+                select(steppers, 0, shared).begin(record.sample_period, has_force, dynamic);
+            }
+            chunk.accumulate(&mut normal, &widths, active);
+        }
+    }
+    normal
+}
+
+fn select<S>(steppers: &mut [S], model: usize, shared: bool) -> &mut S {
+    let index = if shared { 0 } else { model };
+    &mut steppers[index]
+}
+
+/// Residuals of a few samples, of the base model and its neighbours.
+struct Chunk<T, const GENES: usize> {
+    filled: usize,
+    base: [[(T, bool); MEASURED]; CHUNK],
+    neighbours: [[[T; MEASURED]; CHUNK]; GENES],
+}
+
+impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
+    const fn new() -> Self {
+        Self {
+            filled: 0,
+            base: [[(T::ZERO, false); MEASURED]; CHUNK],
+            neighbours: [[[T::ZERO; MEASURED]; CHUNK]; GENES],
+        }
+    }
+
+    fn fill_base<S: Stepper<T>>(
+        &mut self,
+        problem: &Problem<'_, T>,
+        record: &Record<'_, T>,
+        walk: &mut Walk<T>,
+        stepper: &mut S,
+    ) {
+        for place in &mut self.base {
+            let Some((sample, outputs)) = walk.next(record, stepper) else { break };
+            if record.is_compared(sample) {
+                *place = problem.residuals(record, sample, &outputs);
+            }
+            self.filled += 1;
+        }
+    }
+
+    fn fill_neighbour<S: Stepper<T>>(
+        &mut self,
+        problem: &Problem<'_, T>,
+        record: &Record<'_, T>,
+        walk: &mut Walk<T>,
+        stepper: &mut S,
+        gene: usize,
+    ) {
+        for place in self.neighbours[gene].iter_mut().take(self.filled) {
+            let Some((sample, outputs)) = walk.next(record, stepper) else { break };
+            *place = problem.residuals(record, sample, &outputs).map(|(residual, _)| residual);
+        }
+    }
+
+    fn accumulate(&self, normal: &mut Normal<T, GENES>, widths: &[T; GENES], active: usize) {
+        for sample in 0..self.filled {
+            for channel in 0..MEASURED {
+                let (residual, used) = self.base[sample][channel];
+                if !used {
+                    continue;
+                }
+                normal.misfit.chi_square += residual * residual;
+                normal.misfit.count += 1;
+                let slope: [T; GENES] = core::array::from_fn(|gene| {
+                    if gene < active {
+                        (residual - self.neighbours[gene][sample][channel]) / widths[gene]
+                    } else {
+                        T::ZERO
+                    }
+                });
+                for row in 0..active {
+                    normal.gradient[row] += slope[row] * residual;
+                    for column in 0..=row {
+                        normal.curvature[(row, column)] += slope[row] * slope[column];
+                    }
+                }
+            }
+        }
+        for row in 0..active {
+            for column in 0..row {
+                normal.curvature[(column, row)] = normal.curvature[(row, column)];
+            }
+        }
+    }
+}
+
+impl<T: Real + RealField, const GENES: usize> Normal<T, GENES> {
+    /// A damped step that stays in the box `[0, 1]`, and the fall of chi-square that it promises.
+    fn step(&self, genes: &[T; GENES], damping: T, active: usize) -> Option<([T; GENES], T)> {
+        let mut held = [false; GENES];
+        // Genes that the step would push through a bound are held there, and the rest is solved again.
+        for _ in 0..=active {
+            let mut matrix = self.curvature;
+            let mut side = self.gradient;
+            for gene in 0..GENES {
+                matrix[(gene, gene)] *= T::ONE + damping;
+                if held[gene] || matrix[(gene, gene)] <= T::ZERO {
+                    for other in 0..GENES {
+                        matrix[(gene, other)] = T::ZERO;
+                        matrix[(other, gene)] = T::ZERO;
+                    }
+                    matrix[(gene, gene)] = T::ONE;
+                    side[gene] = T::ZERO;
+                }
+            }
+            let change = matrix.cholesky()?.solve(&side);
+            let mut again = false;
+            for gene in 0..active {
+                let value = genes[gene] + change[gene];
+                let at_bound =
+                    (genes[gene] <= T::ZERO && value < T::ZERO) || (genes[gene] >= T::ONE && value > T::ONE);
+                if at_bound && !held[gene] {
+                    held[gene] = true;
+                    again = true;
+                }
+            }
+            if again {
+                continue;
+            }
+            let mut moved = *genes;
+            let mut actual = change;
+            for gene in 0..active {
+                moved[gene] = (genes[gene] + change[gene]).larger(T::ZERO).smaller(T::ONE);
+                actual[gene] = moved[gene] - genes[gene];
+            }
+            let two = T::ONE + T::ONE;
+            let promised = two * self.gradient.dot(&actual) - (self.curvature * actual).dot(&actual);
+            return Some((moved, promised));
+        }
+        None
+    }
+
+    /// Covariance of the genes for residuals whose noise is white and known: `(J^T J)^-1`.
+    pub fn covariance(&self) -> Option<SMatrix<T, GENES, GENES>> {
+        self.curvature.cholesky().map(|factor| factor.inverse())
+    }
+}
+
+/// Goes from `genes` to the bottom of the basin (Levenberg-Marquardt).
+pub fn finish<T, S, const GENES: usize>(
+    problem: &Problem<'_, T>,
+    genes: &[T; GENES],
+    settings: &Settings<T>,
+    steppers: &mut [S],
+) -> Finish<T, GENES>
+where
+    T: Real + RealField,
+    S: Stepper<T>,
+{
+    let active = problem.free.len().min(GENES);
+    let cost_of_normal = active as u32 + 1;
+    let mut here = *genes;
+    let mut normal = normal_equations(problem, &here, settings.difference, steppers);
+    let mut evaluations = cost_of_normal;
+    let mut damping = T::literal(1e-4);
+    let mut ending = Ending::Steps;
+    'steps: for _ in 0..settings.steps {
+        for attempt in 0..6 {
+            let Some((moved, promised)) = normal.step(&here, damping, active) else {
+                damping = damping * T::literal(100.0);
+                continue;
+            };
+            if promised <= settings.tolerance {
+                ending = Ending::Bottom;
+                break 'steps;
+            }
+            let next = normal_equations(problem, &moved, settings.difference, steppers);
+            evaluations += cost_of_normal;
+            if next.misfit.chi_square < normal.misfit.chi_square {
+                here = moved;
+                normal = next;
+                damping = damping * T::literal(0.1);
+                continue 'steps;
+            }
+            damping = damping.larger(T::literal(1e-3)) * T::literal(10.0);
+            if attempt == 5 {
+                ending = Ending::Stuck;
+                break 'steps;
+            }
+        }
+    }
+    Finish { genes: here, normal, evaluations, ending }
+}

@@ -1,0 +1,152 @@
+//! The whole search: genetic algorithm for the basin, Gauss-Newton for its bottom, and a reason for stopping.
+
+use super::gauss_newton::{self, Finish, finish};
+use super::problem::{Misfit, Problem};
+use crate::ga::{Counters, Outcome, Settings as SearchSettings, SteadyState};
+use crate::integrate::Stepper;
+use crate::scalar::Real;
+use nalgebra::RealField;
+
+/// How an identification is made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings<T> {
+    /// The genetic algorithm.
+    pub search: SearchSettings,
+    /// The finish.
+    pub finish: gauss_newton::Settings<T>,
+    /// Generations between two finishes.
+    pub generations_between_finishes: u32,
+    /// Evaluations of the model after which the search gives up.
+    pub budget: u32,
+}
+
+impl<T: Real> Default for Settings<T> {
+    fn default() -> Self {
+        Self {
+            search: SearchSettings::default(),
+            finish: gauss_newton::Settings::default(),
+            generations_between_finishes: 2,
+            budget: 400,
+        }
+    }
+}
+
+/// Why an identification ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StopReason {
+    /// The residual is as small as the noise lets it be.
+    NoiseReached,
+    /// Two finishes from different generations ended at the same place: the best there is, but above the noise.
+    Settled,
+    /// The budget of evaluations was used up first.
+    Budget,
+}
+
+/// What one call of [`Identification::advance`] did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Progress {
+    /// One child was evaluated.
+    Child(Outcome),
+    /// A finish was made.
+    Finished,
+    /// The identification has ended.
+    Done(StopReason),
+}
+
+/// An identification in progress: one call, one child or one finish.
+#[derive(Clone, Debug)]
+pub struct Identification<T, const GENES: usize, const SIZE: usize> {
+    settings: Settings<T>,
+    search: SteadyState<T, GENES, SIZE>,
+    polished: Option<Finish<T, GENES>>,
+    evaluations: u32,
+    next_finish: u32,
+    stop: Option<StopReason>,
+}
+
+impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<T, GENES, SIZE> {
+    /// The start of an identification of `problem.free` from a seed.
+    pub fn new(problem: &Problem<'_, T>, settings: Settings<T>, seed: u64) -> Self {
+        let search = SteadyState::new(settings.search, problem.free.len(), seed);
+        let next_finish = search.population() as u32 * (1 + settings.generations_between_finishes);
+        Self { settings, search, polished: None, evaluations: 0, next_finish, stop: None }
+    }
+
+    /// Goes on by one child or one finish; see [`gauss_newton::normal_equations`] for the steppers.
+    pub fn advance<S: Stepper<T>>(&mut self, problem: &Problem<'_, T>, steppers: &mut [S]) -> Progress {
+        if let Some(reason) = self.stop {
+            return Progress::Done(reason);
+        }
+        if self.search.counters().evaluations < self.next_finish && self.evaluations < self.settings.budget {
+            let genes = self.search.ask();
+            let Some(stepper) = steppers.first_mut() else { return Progress::Done(StopReason::Budget) };
+            self.evaluations += 1;
+            return Progress::Child(self.search.tell(problem.misfit(&genes, stepper).mean_square()));
+        }
+        let Some((&best, _)) = self.search.best() else {
+            self.stop = Some(StopReason::Budget);
+            return Progress::Done(StopReason::Budget);
+        };
+        let found = finish(problem, &best, &self.settings.finish, steppers);
+        self.evaluations += found.evaluations;
+        self.search.insert(&found.genes, found.normal.misfit.mean_square());
+        let settled = self.polished.is_some_and(|last| same_place(&last, &found));
+        if self.polished.is_none_or(|last| found.normal.misfit.chi_square < last.normal.misfit.chi_square) {
+            self.polished = Some(found);
+        }
+        self.stop = if within_noise(&found.normal.misfit) {
+            Some(StopReason::NoiseReached)
+        } else if settled {
+            Some(StopReason::Settled)
+        } else if self.evaluations >= self.settings.budget {
+            Some(StopReason::Budget)
+        } else {
+            None
+        };
+        self.next_finish = self.search.counters().evaluations
+            + self.search.population() as u32 * self.settings.generations_between_finishes;
+        Progress::Finished
+    }
+
+    /// Runs to the end.
+    pub fn run<S: Stepper<T>>(&mut self, problem: &Problem<'_, T>, steppers: &mut [S]) -> StopReason {
+        loop {
+            if let Progress::Done(reason) = self.advance(problem, steppers) {
+                return reason;
+            }
+        }
+    }
+
+    /// The best finish so far.
+    pub const fn result(&self) -> Option<&Finish<T, GENES>> {
+        self.polished.as_ref()
+    }
+
+    /// Evaluations of the model so far, those of finishes included.
+    pub const fn evaluations(&self) -> u32 {
+        self.evaluations
+    }
+
+    /// The population.
+    pub const fn search(&self) -> &SteadyState<T, GENES, SIZE> {
+        &self.search
+    }
+
+    /// Counters of the genetic algorithm.
+    pub const fn counters(&self) -> Counters {
+        self.search.counters()
+    }
+}
+
+/// Is the mean square within five standard deviations (`sqrt(2/n)`) of what noise alone gives?
+fn within_noise<T: Real>(misfit: &Misfit<T>) -> bool {
+    let excess = misfit.mean_square() - T::ONE;
+    let count = T::from_count(misfit.count);
+    excess <= T::ZERO || excess * excess * count <= T::literal(25.0 * 2.0)
+}
+
+/// Do two finishes agree within a thousandth of their chi-square, or within 1 of it?
+fn same_place<T: Real, const GENES: usize>(a: &Finish<T, GENES>, b: &Finish<T, GENES>) -> bool {
+    let (a, b) = (a.normal.misfit.chi_square, b.normal.misfit.chi_square);
+    (a - b).magnitude() <= (a * T::literal(1e-3)).larger(T::ONE)
+}

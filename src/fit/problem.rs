@@ -1,0 +1,201 @@
+//! What is to be fitted to what: records, noise, free parameters.
+
+use super::walk::Walk;
+use crate::channel::Channel;
+use crate::integrate::Stepper;
+use crate::model::state::Outputs;
+use crate::model::{Form, Model};
+use crate::parameter::{Parameter, Parameters, Reach};
+use crate::scalar::Real;
+
+/// Number of channels that the model predicts.
+pub const MEASURED: usize = Channel::MEASURED.len();
+
+/// State in which a stretch of a record starts.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Start<T> {
+    /// Ram position, m.
+    pub ram: T,
+    /// Ram velocity, m/s; the stretch starts at rest where it is 0.
+    pub velocity: T,
+}
+
+/// A record as the core sees it: slices of equal length, one value a sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Record<'a, T> {
+    /// Sample period, s.
+    pub sample_period: T,
+    /// Commanded position, m.
+    pub command: &'a [T],
+    /// Force on the ram from outside, N (driving force minus load); empty where there is none.
+    pub force: &'a [T],
+    /// Measured channels in the order of [`Channel::MEASURED`]; empty where absent, NaN where a sample is missing.
+    pub measured: [&'a [T]; MEASURED],
+    /// Samples in a stretch: the model starts anew from `starts` after each. The whole record by default.
+    pub stretch: usize,
+    /// State at the start of each stretch.
+    pub starts: &'a [Start<T>],
+    /// Samples at the start of each stretch that are not compared, while the start is forgotten.
+    pub settle: usize,
+}
+
+impl<'a, T: Real> Record<'a, T> {
+    /// A record of one stretch that starts at rest at `start`.
+    pub fn new(sample_period: T, command: &'a [T], start: &'a Start<T>) -> Self {
+        Self {
+            sample_period,
+            command,
+            force: &[],
+            measured: [&[]; MEASURED],
+            stretch: command.len().max(1),
+            starts: core::slice::from_ref(start),
+            settle: 0,
+        }
+    }
+
+    /// The same with one more measured channel (ignored where the model does not predict it).
+    #[must_use]
+    pub fn with(mut self, channel: Channel, values: &'a [T]) -> Self {
+        if let Some(index) = Channel::MEASURED.iter().position(|&known| known == channel) {
+            self.measured[index] = values;
+        }
+        self
+    }
+
+    /// Is a sample compared with the model?
+    #[inline]
+    pub fn is_compared(&self, sample: usize) -> bool {
+        sample % self.stretch.max(1) >= self.settle
+    }
+}
+
+/// Standard deviation of the noise of each measured channel, in the channel's unit; not finite: the channel is not used.
+pub type Noise<T> = [T; MEASURED];
+
+/// A parameter that a search may move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Free<T> {
+    /// Which.
+    pub parameter: Parameter,
+    /// Smallest value, in the parameter's unit.
+    pub lower: T,
+    /// Largest value.
+    pub upper: T,
+}
+
+impl<T: Real> Free<T> {
+    /// Width of the range.
+    pub fn range(&self) -> T {
+        self.upper - self.lower
+    }
+
+    /// Value of a gene in `[0, 1]`.
+    #[inline]
+    pub fn value(&self, gene: T) -> T {
+        self.lower + gene * self.range()
+    }
+
+    /// Gene of a value, cut to `[0, 1]`.
+    pub fn gene(&self, value: T) -> T {
+        ((value - self.lower) / self.range()).larger(T::ZERO).smaller(T::ONE)
+    }
+}
+
+/// A fit: structure, parameters, those that are free, records and noise.
+#[derive(Clone, Copy, Debug)]
+pub struct Problem<'a, T> {
+    /// Structure of the model.
+    pub form: Form,
+    /// Values of the parameters that are not free.
+    pub parameters: Parameters<T>,
+    /// The free parameters.
+    pub free: &'a [Free<T>],
+    /// The records, fitted together.
+    pub records: &'a [Record<'a, T>],
+    /// Noise of the measured channels.
+    pub noise: Noise<T>,
+}
+
+/// Sum of squares of the residual in units of its noise, and how many samples it is made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Misfit<T> {
+    /// Sum of `(residual/noise)^2`.
+    pub chi_square: T,
+    /// Number of terms.
+    pub count: u32,
+}
+
+impl<T: Real> Misfit<T> {
+    /// Mean of the squares: 1 where the residual is just the noise. Infinite where nothing was compared.
+    pub fn mean_square(&self) -> T {
+        if self.count == 0 { T::ONE / T::ZERO } else { self.chi_square / T::from_count(self.count) }
+    }
+}
+
+impl<T: Real> Problem<'_, T> {
+    /// The parameters with the genes in place of the free ones.
+    pub fn parameters_of(&self, genes: &[T]) -> Parameters<T> {
+        let mut parameters = self.parameters;
+        for (free, &gene) in self.free.iter().zip(genes) {
+            parameters.set(free.parameter, free.value(gene));
+        }
+        parameters
+    }
+
+    /// The model of a set of genes.
+    pub fn model(&self, genes: &[T]) -> Model<T> {
+        Model::new(self.form, &self.parameters_of(genes))
+    }
+
+    /// Does any free parameter reach the transition matrices?
+    pub fn moves_dynamics(&self) -> bool {
+        self.free.iter().any(|free| Model::<T>::reach(self.form, free.parameter) == Reach::Dynamics)
+    }
+
+    /// Residuals of one sample in units of their noise, measured minus predicted; 0 with weight `false` where the
+    /// channel is absent, unused or the sample is missing.
+    #[inline]
+    pub fn residuals(
+        &self,
+        record: &Record<'_, T>,
+        sample: usize,
+        outputs: &Outputs<T>,
+    ) -> [(T, bool); MEASURED] {
+        let mut residuals = [(T::ZERO, false); MEASURED];
+        let predicted = outputs.to_array();
+        for channel in 0..MEASURED {
+            let (Some(&value), true) = (record.measured[channel].get(sample), self.noise[channel].finite())
+            else {
+                continue;
+            };
+            if value.finite() {
+                residuals[channel] = ((value - predicted[channel]) / self.noise[channel], true);
+            }
+        }
+        residuals
+    }
+
+    /// Misfit of a set of genes. One evaluation: every record is simulated once.
+    pub fn misfit<S: Stepper<T>>(&self, genes: &[T], stepper: &mut S) -> Misfit<T> {
+        let model = self.model(genes);
+        let mut misfit = Misfit { chi_square: T::ZERO, count: 0 };
+        let mut rig_changed = self.moves_dynamics();
+        for record in self.records {
+            stepper.begin(record.sample_period, !record.force.is_empty(), rig_changed);
+            rig_changed = false;
+            let mut walk = Walk::new(&model, record);
+            while let Some((sample, outputs)) = walk.next(record, stepper) {
+                if !record.is_compared(sample) {
+                    continue;
+                }
+                for (residual, used) in self.residuals(record, sample, &outputs) {
+                    if used {
+                        misfit.chi_square += residual * residual;
+                        misfit.count += 1;
+                    }
+                }
+            }
+        }
+        misfit
+    }
+}
