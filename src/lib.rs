@@ -4,6 +4,7 @@
 
 pub mod channel;
 pub mod command;
+pub mod effect;
 pub mod fit;
 pub mod ga;
 pub mod integrate;

@@ -1,0 +1,231 @@
+//! Rig files: TOML in and out.
+
+use super::{BUILT_IN, Range, Rig, channel_named, parameter_named, unknown};
+use crate::failure::Failure;
+use eha_monitor::channel::ChannelRole;
+use eha_monitor::effect::{EFFECTS, EffectInfo};
+use eha_monitor::model::{Drive, Feedback, Form, ValveForm};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// What a rig file holds, as it is typed.
+#[derive(Debug, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+struct RigFile {
+    /// Built-in rig that the file starts from; `eha` by default.
+    base: Option<String>,
+    name: Option<String>,
+    #[serde(default)]
+    model: ModelTable,
+    #[serde(default)]
+    parameters: BTreeMap<String, f64>,
+    #[serde(default)]
+    noise: BTreeMap<String, f64>,
+    fault: Option<Vec<RangeTable>>,
+    free: Option<Vec<RangeTable>>,
+    effect: Option<Vec<EffectTable>>,
+}
+
+#[derive(Debug, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+struct ModelTable {
+    valve: Option<ValveName>,
+    feedback: Option<FeedbackName>,
+    drive: Option<DriveName>,
+    restart_s: Option<f64>,
+}
+
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+struct RangeTable {
+    name: String,
+    lower: f64,
+    upper: f64,
+}
+
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+struct EffectTable {
+    name: String,
+}
+
+macro_rules! named {
+    ($name:ident for $core:ident { $($variant:ident),* }) => {
+        #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+        #[serde(rename_all = "kebab-case")]
+        enum $name { $($variant),* }
+
+        impl From<$name> for $core {
+            fn from(name: $name) -> Self {
+                match name { $($name::$variant => Self::$variant),* }
+            }
+        }
+
+        impl From<$core> for $name {
+            fn from(value: $core) -> Self {
+                match value { $($core::$variant => Self::$variant),* }
+            }
+        }
+    };
+}
+
+named!(ValveName for ValveForm { TwoStage, StaticFlapper, FirstOrder });
+named!(FeedbackName for Feedback { Ram, User });
+named!(DriveName for Drive { Valve, Force });
+
+/// Reads a rig file.
+///
+/// # Errors
+/// Usage: the file cannot be read, is not TOML, or holds a name, value or range that is wrong; the message names the
+/// file and the entry.
+pub fn read(path: &Path) -> Result<Rig, Failure> {
+    let in_file = |message: String| Failure::usage(format!("{}: {message}", path.display()));
+    let text = std::fs::read_to_string(path).map_err(|error| {
+        let names = BUILT_IN.iter().map(|built_in| built_in.name).collect::<Vec<_>>().join(", ");
+        in_file(format!("cannot read this rig file ({error}); built-in rigs are {names}"))
+    })?;
+    parse(&text).map_err(|failure| in_file(failure.to_string()))
+}
+
+fn parse(text: &str) -> Result<Rig, Failure> {
+    let file: RigFile = toml::from_str(text).map_err(|error| Failure::usage(error.to_string()))?;
+    let base = file.base.as_deref().unwrap_or(BUILT_IN[0].name);
+    let Some(built_in) = BUILT_IN.iter().find(|built_in| built_in.name == base) else {
+        return Err(Failure::usage(unknown("base rig", base, BUILT_IN.iter().map(|built_in| built_in.name))));
+    };
+    let mut rig = (built_in.make)();
+    if let Some(name) = file.name {
+        rig.name = name;
+    }
+    let model = file.model;
+    rig.form = Form {
+        valve: model.valve.map_or(rig.form.valve, Into::into),
+        feedback: model.feedback.map_or(rig.form.feedback, Into::into),
+        drive: model.drive.map_or(rig.form.drive, Into::into),
+    };
+    if let Some(restart) = model.restart_s {
+        if restart.is_nan() || restart < 0.0 {
+            return Err(Failure::usage(format!("restart-s = {restart}: expected seconds, 0 for never")));
+        }
+        rig.restart_s = (restart > 0.0).then_some(restart);
+    }
+    for (name, value) in file.parameters {
+        let parameter = parameter_named(&name)?;
+        let info = parameter.info();
+        if !(info.lower..=info.upper).contains(&value) {
+            return Err(Failure::usage(format!(
+                "parameter `{name}` = {value}: expected {} to {} {}",
+                info.lower, info.upper, info.unit
+            )));
+        }
+        rig.parameters.set(parameter, value);
+    }
+    for (column, noise) in file.noise {
+        let channel = channel_named(&column)?;
+        if channel.info().role != ChannelRole::Measured || !noise.is_finite() || noise <= 0.0 {
+            return Err(Failure::usage(format!(
+                "noise of `{column}` = {noise}: expected a measured channel and a positive {}",
+                channel.info().unit
+            )));
+        }
+        rig.noise.retain(|(known, _)| *known != channel);
+        rig.noise.push((channel, noise));
+    }
+    if let Some(tables) = file.fault {
+        rig.faults = ranges(tables)?;
+    }
+    if let Some(tables) = file.free {
+        rig.free = ranges(tables)?;
+    }
+    for table in file.effect.into_iter().flatten() {
+        let Some(effect) = EffectInfo::named(&table.name) else {
+            return Err(Failure::usage(unknown("effect", &table.name, EFFECTS.iter().map(|entry| entry.name))));
+        };
+        rig.effects.push(effect);
+    }
+    Ok(rig)
+}
+
+fn ranges(tables: Vec<RangeTable>) -> Result<Vec<Range>, Failure> {
+    tables.into_iter().map(|table| Range::new(parameter_named(&table.name)?, table.lower, table.upper)).collect()
+}
+
+/// The text of a rig file that [`read`] turns into the same rig, with each parameter's meaning beside it.
+pub fn write(rig: &Rig, comments: &[String]) -> String {
+    let mut text = String::new();
+    for comment in comments {
+        let _ = writeln!(text, "# {comment}");
+    }
+    let quoted = |value: String| toml::Value::String(value).to_string();
+    let kebab = |value: Result<toml::Value, toml::ser::Error>| value.map_or_else(|_| String::new(), |value| value.to_string());
+    let _ = writeln!(text, "name = {}", quoted(rig.name.clone()));
+    let _ = writeln!(text, "base = \"eha\"\n\n[model]");
+    let _ = writeln!(text, "valve = {}", kebab(toml::Value::try_from(ValveName::from(rig.form.valve))));
+    let _ = writeln!(text, "feedback = {}", kebab(toml::Value::try_from(FeedbackName::from(rig.form.feedback))));
+    let _ = writeln!(text, "drive = {}", kebab(toml::Value::try_from(DriveName::from(rig.form.drive))));
+    if let Some(restart) = rig.restart_s {
+        let _ = writeln!(text, "restart-s = {restart:?}");
+    }
+    let _ = writeln!(text, "\n[parameters]");
+    for (parameter, value) in rig.changed() {
+        let info = parameter.info();
+        let _ = writeln!(text, "{} = {value:?} # {} {}, {}", info.name, info.symbol, info.unit, info.description);
+    }
+    let _ = writeln!(text, "\n[noise]");
+    for (channel, noise) in &rig.noise {
+        let _ = writeln!(text, "{} = {noise:?} # {}", channel.info().column, channel.info().unit);
+    }
+    for (table, ranges) in [("fault", &rig.faults), ("free", &rig.free)] {
+        if ranges.is_empty() {
+            let _ = writeln!(text, "\n# no [[{table}]]");
+        }
+        for range in ranges {
+            let info = range.parameter.info();
+            let _ = writeln!(
+                text,
+                "\n[[{table}]]\nname = \"{}\" # {}, {}\nlower = {:?}\nupper = {:?}",
+                info.name, info.unit, info.description, range.lower, range.upper
+            );
+        }
+    }
+    for effect in &rig.effects {
+        let _ = writeln!(text, "\n[[effect]]\nname = \"{}\" # {}", effect.name, effect.equation);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_built_in_rig_survives_the_round_trip() {
+        for built_in in &BUILT_IN {
+            let mut rig = (built_in.make)();
+            rig.noise = vec![(eha_monitor::channel::Channel::UserPosition, 5e-6)];
+            rig.effects = vec![&EFFECTS[0]];
+            let text = write(&rig, &["a comment".to_owned()]);
+            assert_eq!(parse(&text).unwrap(), rig, "{text}");
+        }
+    }
+
+    #[test]
+    fn wrong_entries_name_themselves() {
+        for (text, expected) in [
+            ("[parameters]\nGMM = 1.0", "unknown parameter `GMM`; did you mean `GM`?"),
+            ("[parameters]\nGM = -1.0", "parameter `GM` = -1: expected 0.0001 to 1 N/mA"),
+            ("base = \"ehb\"", "unknown base rig `ehb`; did you mean `eha`?"),
+            ("[[fault]]\nname = \"fdj\"\nlower = 10.0\nupper = 1.0", "range 10 to 1 of `fdj`"),
+            ("[noise]\nlvdt_m = 0.0", "noise of `lvdt_m` = 0"),
+            ("[noise]\ncommand_m = 1.0", "noise of `command_m` = 1"),
+            ("[[effect]]\nname = \"sensor-of\"", "did you mean `sensor-offset`?"),
+            ("[model]\nvalve = \"third-order\"", "unknown variant `third-order`"),
+            ("[modle]\n", "unknown field `modle`"),
+        ] {
+            let message = parse(text).unwrap_err().to_string();
+            assert!(message.contains(expected), "{text}: {message}");
+        }
+    }
+}

@@ -1,0 +1,121 @@
+//! A rig: the actuator that a record comes from, as far as it is known.
+
+mod builtin;
+mod file;
+
+pub use builtin::{BUILT_IN, BuiltIn};
+pub use file::{read, write};
+
+use crate::failure::Failure;
+use eha_monitor::channel::{CHANNELS, Channel};
+use eha_monitor::effect::EffectInfo;
+use eha_monitor::model::Form;
+use eha_monitor::parameter::{PARAMETERS, Parameter, Parameters};
+
+/// A parameter that a search may move, with its range.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Which parameter.
+    pub parameter: Parameter,
+    /// Smallest value, in the parameter's unit.
+    pub lower: f64,
+    /// Largest value.
+    pub upper: f64,
+}
+
+impl Range {
+    /// A range after a check: inside the parameter's own range, and not empty.
+    ///
+    /// # Errors
+    /// Names the parameter and the bound that is broken.
+    pub fn new(parameter: Parameter, lower: f64, upper: f64) -> Result<Self, Failure> {
+        let info = parameter.info();
+        if !(lower < upper && lower >= info.lower && upper <= info.upper) {
+            return Err(Failure::usage(format!(
+                "range {lower} to {upper} of `{}`: expected lower < upper within {} to {} {}",
+                info.name, info.lower, info.upper, info.unit
+            )));
+        }
+        Ok(Self { parameter, lower, upper })
+    }
+}
+
+/// Everything that is known of an actuator before a record is fitted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rig {
+    /// Name, for the echo of a result.
+    pub name: String,
+    /// Structure of the model.
+    pub form: Form,
+    /// Values of all parameters.
+    pub parameters: Parameters<f64>,
+    /// Known noise (standard deviation) of a channel, in the channel's unit; absent: estimated from the record.
+    pub noise: Vec<(Channel, f64)>,
+    /// Parameters that are declared as faults.
+    pub faults: Vec<Range>,
+    /// Parameters that stay free: `calibrate` frees them.
+    pub free: Vec<Range>,
+    /// Effects that were added to the model.
+    pub effects: Vec<&'static EffectInfo>,
+    /// Open loop: the model starts anew from the measured state every so many seconds.
+    pub restart_s: Option<f64>,
+}
+
+impl Rig {
+    /// The rig of a name of [`BUILT_IN`] or of a TOML file.
+    ///
+    /// # Errors
+    /// Usage: neither a built-in rig nor a readable file, or the file's content is wrong.
+    pub fn load(name_or_path: &str) -> Result<Self, Failure> {
+        if let Some(built_in) = BUILT_IN.iter().find(|built_in| built_in.name == name_or_path) {
+            return Ok((built_in.make)());
+        }
+        read(std::path::Path::new(name_or_path))
+    }
+
+    /// Parameters that differ from the source's values.
+    pub fn changed(&self) -> Vec<(Parameter, f64)> {
+        Parameter::all()
+            .map(|parameter| (parameter, self.parameters.get(parameter)))
+            .filter(|&(parameter, value)| value != parameter.info().default)
+            .collect()
+    }
+
+    /// Known noise of a channel, in its unit.
+    pub fn noise_of(&self, channel: Channel) -> Option<f64> {
+        self.noise.iter().find(|(known, _)| *known == channel).map(|&(_, noise)| noise)
+    }
+}
+
+/// The parameter of a name or symbol.
+///
+/// # Errors
+/// Usage: no such parameter; the message suggests the nearest name.
+pub fn parameter_named(name: &str) -> Result<Parameter, Failure> {
+    Parameter::named(name).ok_or_else(|| {
+        let names = PARAMETERS.iter().flat_map(|row| [row.name, row.symbol]);
+        Failure::usage(unknown("parameter", name, names))
+    })
+}
+
+/// The measured channel of a column name.
+///
+/// # Errors
+/// Usage: no such column.
+pub fn channel_named(column: &str) -> Result<Channel, Failure> {
+    CHANNELS.iter().find(|row| row.column == column).map(|row| row.channel).ok_or_else(|| {
+        Failure::usage(unknown("channel", column, CHANNELS.iter().map(|row| row.column)))
+    })
+}
+
+/// Says that a name is not known, and which known one is nearest.
+pub fn unknown<'a>(kind: &str, name: &str, known: impl Iterator<Item = &'a str>) -> String {
+    let nearest = known
+        .filter(|known| !known.is_empty())
+        .map(|known| (strsim::jaro_winkler(&name.to_lowercase(), &known.to_lowercase()), known))
+        .max_by(|a, b| a.0.total_cmp(&b.0));
+    match nearest {
+        Some((likeness, known)) if likeness > 0.7 => format!("unknown {kind} `{name}`; did you mean `{known}`?"),
+        _ => format!("unknown {kind} `{name}`"),
+    }
+}
