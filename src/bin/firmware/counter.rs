@@ -16,7 +16,7 @@ const COUNTS_PER_TICK: (u64, u64) = if cfg!(feature = "board-stm32h743") { (1, 1
 /// Largest value of the 24-bit timer. It counts down from here, so a wrap is this plus one ticks.
 const RELOAD: u32 = 0x00ff_ffff;
 
-/// Wraps of the timer since it was started. 32 bits last 33 days at 25 MHz... far beyond any run.
+/// Wraps of the timer since it was started: one every 0.67 s at 25 MHz, so 32 bits outlast any run.
 static WRAPS: AtomicU32 = AtomicU32::new(0);
 
 /// Counts the wraps: 24 bits last for 10 million instructions only. Its own cost, some 10 instructions a wrap, is
@@ -28,6 +28,7 @@ fn SysTick() {
 
 /// A running count of instructions (emulated boards) or cycles (real part).
 pub(super) struct Counter {
+    timer: SYST,
     /// Ticks between two readings with nothing between them.
     overhead: u64,
 }
@@ -40,7 +41,7 @@ impl Counter {
         timer.clear_current();
         timer.enable_interrupt();
         timer.enable_counter();
-        let mut counter = Self { overhead: 0 };
+        let mut counter = Self { timer, overhead: 0 };
         let start = counter.now();
         counter.overhead = counter.now().wrapping_sub(start);
         counter
@@ -52,7 +53,7 @@ impl Counter {
         // A wrap between the two readings of its count would give the new timer value with the old count.
         loop {
             let wraps = WRAPS.load(Ordering::Relaxed);
-            let ticks = RELOAD - (SYST::get_current() & RELOAD);
+            let ticks = RELOAD - (self.timer.cvr.read() & RELOAD);
             if WRAPS.load(Ordering::Relaxed) == wraps {
                 return (u64::from(wraps) << 24) + u64::from(ticks);
             }
