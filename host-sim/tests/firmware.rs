@@ -3,10 +3,15 @@
 //! Every budget has a negative control: a build with a planted defect that the budget must catch.
 
 use host_sim::emulator::{
-    Board, BuildOptions, Cpu, Emulator, EmulatorError, Firmware, Machine, PANIC_SYMBOL, RunLog, run_on_host,
+    Board, BuildOptions, Cpu, EXIT_HARD_FAULT, Emulator, EmulatorError, Firmware, Machine, PANIC_SYMBOL,
+    RunLog, run_on_host,
 };
 use std::time::Duration;
 
+/// Instructions of the firmware's calibration loop, without those around it.
+const CALIBRATION_INSTRUCTIONS: u64 = 40_000_000;
+/// Start of the flash of the real part.
+const FLASH_ORIGIN: u64 = 0x0800_0000;
 /// Flash of the real part, bytes.
 const FLASH_BYTES: u64 = 2 << 20;
 /// RAM without wait states of the real part, bytes.
@@ -46,7 +51,9 @@ fn instruction_counts_and_stack_repeat_exactly() {
     for machine in Machine::ALL {
         let firmware = build(machine);
         let first = run(machine, &firmware);
-        assert!(first.measures.keys().any(|name| name.ends_with(".instructions")), "{:?}", first.measures);
+        // Three wraps of the timer at 8 instructions each, and a few to set the loop up.
+        let excess = first.measures["calibration.instructions"].checked_sub(CALIBRATION_INSTRUCTIONS);
+        assert!(excess.is_some_and(|excess| excess < 40), "{:?}", first.measures);
         assert!((1..RAM_BYTES).contains(&first.measures["stack.bytes"]), "{:?}", first.measures);
         assert_eq!(first, run(machine, &firmware), "{}", machine.name());
     }
@@ -56,6 +63,7 @@ fn instruction_counts_and_stack_repeat_exactly() {
 fn the_image_fits_the_real_part() {
     let options = BuildOptions { board: Board::Stm32h743, cpu: Cpu::CortexM7, features: Vec::new() };
     let footprint = expect(expect(options.build()).footprint());
+    assert_eq!(footprint.flash_origin, FLASH_ORIGIN);
     assert!((1..FLASH_BYTES).contains(&footprint.flash_bytes), "{footprint:?}");
     assert!((1..RAM_BYTES).contains(&footprint.static_ram_bytes), "{footprint:?}");
 }
@@ -82,6 +90,13 @@ fn a_reachable_panic_does_not_link() {
         Err(error) => panic!("{error}"),
         Ok(_) => panic!("a reachable panic went unnoticed"),
     }
+}
+
+#[test]
+fn a_fault_ends_the_run_with_its_code() {
+    let machine = Machine::Mps2An386;
+    let firmware = expect(negative_control(machine, "negative-control-fault").build());
+    assert_eq!(expect(Emulator::new(machine).run(&firmware)).exit_code, EXIT_HARD_FAULT);
 }
 
 #[test]

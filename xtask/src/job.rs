@@ -1,6 +1,6 @@
 //! The jobs themselves: commands, each shown before it runs.
 
-use std::{env, fmt, io, path::Path, process::Command};
+use std::{env, ffi::OsStr, fmt, io, iter, path::Path, process::Command};
 
 /// The Rust target of every supported part.
 pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
@@ -81,11 +81,8 @@ fn cargo_for_firmware(verb: &str) -> Command {
 
 /// Shows a command and runs it to its end.
 pub(crate) fn run(command: &mut Command) -> Result<(), Failure> {
-    let words: Vec<_> = [command.get_program()]
-        .into_iter()
-        .chain(command.get_args())
-        .map(|word| word.to_string_lossy())
-        .collect();
+    let program = Path::new(command.get_program()).file_name().unwrap_or(command.get_program());
+    let words: Vec<_> = iter::once(program).chain(command.get_args()).map(OsStr::to_string_lossy).collect();
     let line = words.join(" ");
     eprintln!("$ {line}");
     match command.status() {

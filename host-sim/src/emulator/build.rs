@@ -17,6 +17,9 @@ pub const TARGET: &str = "thumbv7em-none-eabihf";
 /// The symbol that the linker misses where the release firmware has a reachable panic.
 pub const PANIC_SYMBOL: &str = "this_firmware_has_a_reachable_panic";
 
+/// The code that the firmware ends with where the processor faults.
+pub const EXIT_HARD_FAULT: i32 = 101;
+
 /// The processor that the compiler may use all instructions of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cpu {

@@ -6,6 +6,8 @@ use object::{Object, ObjectSection, ObjectSymbol, SectionFlags, SectionKind, elf
 /// What an image takes of the part's memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Footprint {
+    /// Address of the vector table, where the flash of the board starts.
+    pub flash_origin: u64,
     /// Code, constants and the initial values of variables, bytes.
     pub flash_bytes: u64,
     /// Variables, bytes. The stack, measured by the run itself, comes on top.
@@ -21,7 +23,10 @@ pub struct Footprint {
 pub(super) fn of_image(image: &[u8]) -> Result<Footprint, EmulatorError> {
     let invalid = |error: object::Error| EmulatorError::Image(error.to_string());
     let file = object::File::parse(image).map_err(invalid)?;
-    let mut footprint = Footprint { flash_bytes: 0, static_ram_bytes: 0, soft_double_symbols: Vec::new() };
+    let vectors = file.section_by_name(".vector_table");
+    let flash_origin = vectors.ok_or_else(|| EmulatorError::Image("no vector table".to_owned()))?.address();
+    let mut footprint =
+        Footprint { flash_origin, flash_bytes: 0, static_ram_bytes: 0, soft_double_symbols: Vec::new() };
     for section in file.sections() {
         let SectionFlags::Elf { sh_flags } = section.flags() else {
             return Err(EmulatorError::Image("not an ELF file".to_owned()));

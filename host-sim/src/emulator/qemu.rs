@@ -15,7 +15,7 @@ use std::{
 /// The emulator's program.
 const QEMU: &str = "qemu-system-arm";
 
-/// Time limit of a run unless one is given. 100 million instructions take some 2 s.
+/// Time limit of a run unless one is given. A billion instructions take some 2 s.
 const DEFAULT_TIME_LIMIT: Duration = Duration::from_mins(2);
 
 /// How often a run is asked whether it has ended.

@@ -19,8 +19,8 @@ const RELOAD: u32 = 0x00ff_ffff;
 /// Wraps of the timer since it was started: one every 0.67 s at 25 MHz, so 32 bits outlast any run.
 static WRAPS: AtomicU32 = AtomicU32::new(0);
 
-/// Counts the wraps: 24 bits last for 10 million instructions only. Its own cost, some 10 instructions a wrap, is
-/// part of what is measured.
+/// Counts the wraps: 24 bits last for 10 million instructions only. Its own cost, 8 instructions a wrap, is part
+/// of what is measured.
 #[cortex_m_rt::exception]
 fn SysTick() {
     WRAPS.store(WRAPS.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
@@ -63,7 +63,7 @@ impl Counter {
     /// Instructions (cycles on the real part) since `start`, without the cost of reading the timer.
     pub(super) fn since(&self, start: u64) -> u64 {
         let ticks = self.now().saturating_sub(start).saturating_sub(self.overhead);
-        // Rounded: a tick is shorter than an instruction, so a count of instructions is never in doubt.
+        // A tick is shorter than an instruction: each reading is exact to one instruction.
         let (numerator, denominator) = COUNTS_PER_TICK;
         (ticks * numerator + denominator / 2) / denominator
     }

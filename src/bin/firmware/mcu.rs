@@ -25,14 +25,21 @@ const EXIT_PANIC: i32 = 102;
 /// Exit code where the peripherals were taken before the entry: never, unless the start-up is broken.
 const EXIT_NO_PERIPHERALS: i32 = 103;
 
+/// Rounds of a loop of two instructions, which shows that the counter is right over several wraps of its timer.
+const CALIBRATION_ROUNDS: u32 = 20_000_000;
+
 #[cortex_m_rt::entry]
 fn start() -> ! {
     let Some(peripherals) = cortex_m::Peripherals::take() else {
         process::exit(EXIT_NO_PERIPHERALS);
     };
     let mut board = Board { counter: Counter::new(peripherals.SYST) };
+    board.measure("calibration", || cortex_m::asm::delay(CALIBRATION_ROUNDS));
     workload::run(&mut board);
     report_stack();
+    if cfg!(feature = "negative-control-fault") {
+        cortex_m::asm::udf();
+    }
     process::exit(0);
 }
 
