@@ -1,2 +1,3 @@
 //! Host program around the `eha-monitor` core.
+pub mod emulator;
 pub mod record;

@@ -1,2 +1,60 @@
-//! The jobs of the continuous integration.
-fn main() {}
+//! The jobs of the continuous integration, one sub-command each: what it runs, anyone can run.
+
+mod job;
+mod setup;
+
+use clap::{Parser, Subcommand};
+use job::Failure;
+use std::process::ExitCode;
+
+/// The jobs of the continuous integration, one sub-command each.
+#[derive(Parser)]
+struct Arguments {
+    #[command(subcommand)]
+    task: Task,
+}
+
+/// A job.
+#[derive(Clone, Copy, Subcommand)]
+enum Task {
+    /// Install what the firmware's tests need: the Rust target and QEMU.
+    Setup,
+    /// Every job below, in this order, after `setup`; stops at the first failure.
+    Ci,
+    /// Check the formatting.
+    Fmt,
+    /// Lint everything, for the host and for the microcontroller.
+    Clippy,
+    /// Build the documentation; a broken link fails.
+    Doc,
+    /// Run every test; those of the firmware run it under QEMU.
+    Test,
+    /// Link the release firmware for every board, panic check included.
+    Firmware,
+}
+
+impl Task {
+    fn run(self) -> Result<(), Failure> {
+        match self {
+            Self::Setup => setup::run(),
+            Self::Ci => [Self::Setup, Self::Fmt, Self::Clippy, Self::Doc, Self::Test, Self::Firmware]
+                .into_iter()
+                .try_for_each(Self::run),
+            Self::Fmt => job::fmt(),
+            Self::Clippy => job::clippy(),
+            Self::Doc => job::doc(),
+            Self::Test => job::test(),
+            Self::Firmware => job::firmware(),
+        }
+    }
+}
+
+fn main() -> ExitCode {
+    match Arguments::parse().task.run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("xtask: {failure}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,38 @@
+//! Gives the linker what the firmware needs: memory layout, vector table, log strings.
+//!
+//! The arguments are bound to the one binary, so neither the library nor a host build sees them, and they do
+//! not depend on `RUSTFLAGS`.
+
+use std::{env, error::Error, fs, path::PathBuf};
+
+/// Start of the flash of an STM32H743, bank 1.
+const FLASH_ORIGIN_STM32H743: u32 = 0x0800_0000;
+/// Start of the code memory (SSRAM1) of the emulated mps2 boards.
+const FLASH_ORIGIN_MPS2: u32 = 0x0000_0000;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-changed=memory.x");
+    if env::var("CARGO_CFG_TARGET_OS")? != "none" {
+        return Ok(());
+    }
+    let flash_origin = if env::var_os("CARGO_FEATURE_BOARD_STM32H743").is_some() {
+        FLASH_ORIGIN_STM32H743
+    } else {
+        FLASH_ORIGIN_MPS2
+    };
+    // cortex-m-rt's link.x includes a file of this name from the linker's search path.
+    let out = PathBuf::from(env::var("OUT_DIR")?);
+    fs::copy("memory.x", out.join("memory.x"))?;
+    println!("cargo:rustc-link-search={}", out.display());
+    for argument in [
+        format!("--defsym=_flash_origin={flash_origin:#x}"),
+        // Sections that are not page aligned keep the image as small as the flash needs it.
+        "--nmagic".to_owned(),
+        "-Tlink.x".to_owned(),
+        "-Tdefmt.x".to_owned(),
+    ] {
+        println!("cargo:rustc-link-arg-bin=firmware={argument}");
+    }
+    Ok(())
+}

@@ -1,0 +1,117 @@
+//! What an image takes of the part's memory, and what has slipped into it.
+
+use super::error::EmulatorError;
+use object::{Object, ObjectSection, ObjectSymbol, SectionFlags, SectionKind, elf};
+
+/// What an image takes of the part's memory.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Footprint {
+    /// Address of the vector table, where the flash of the board starts.
+    pub flash_origin: u64,
+    /// Code, constants and the initial values of variables, bytes.
+    pub flash_bytes: u64,
+    /// Variables, bytes. The stack, measured by the run itself, comes on top.
+    pub static_ram_bytes: u64,
+    /// Routines of double-precision arithmetic in software: a step in `f64` has slipped in where there is one.
+    ///
+    /// They tell nothing of an image built for [`Cpu::CortexM7`](super::Cpu::CortexM7), which has the arithmetic in
+    /// hardware: ask it of the Cortex-M4F image of the same source.
+    pub soft_double_symbols: Vec<String>,
+}
+
+/// Measures an image.
+pub(super) fn of_image(image: &[u8]) -> Result<Footprint, EmulatorError> {
+    let invalid = |error: object::Error| EmulatorError::Image(error.to_string());
+    let file = object::File::parse(image).map_err(invalid)?;
+    let vectors = file.section_by_name(".vector_table");
+    let flash_origin = vectors.ok_or_else(|| EmulatorError::Image("no vector table".to_owned()))?.address();
+    let mut footprint =
+        Footprint { flash_origin, flash_bytes: 0, static_ram_bytes: 0, soft_double_symbols: Vec::new() };
+    for section in file.sections() {
+        let SectionFlags::Elf { sh_flags } = section.flags() else {
+            return Err(EmulatorError::Image("not an ELF file".to_owned()));
+        };
+        if sh_flags & u64::from(elf::SHF_ALLOC) == 0 {
+            continue;
+        }
+        let uninitialised = section.kind() == SectionKind::UninitializedData;
+        if uninitialised || sh_flags & u64::from(elf::SHF_WRITE) != 0 {
+            footprint.static_ram_bytes += section.size();
+        }
+        if !uninitialised {
+            footprint.flash_bytes += section.size();
+        }
+    }
+    let mut symbols = file.symbols().peekable();
+    if symbols.peek().is_none() {
+        return Err(EmulatorError::Stripped);
+    }
+    for symbol in symbols.filter(ObjectSymbol::is_definition) {
+        let name = symbol.name().map_err(invalid)?;
+        if is_soft_double(name) {
+            footprint.soft_double_symbols.push(name.to_owned());
+        }
+    }
+    footprint.soft_double_symbols.sort_unstable();
+    footprint.soft_double_symbols.dedup();
+    Ok(footprint)
+}
+
+/// Does this name belong to a routine that computes on, or converts from or to, `f64`?
+///
+/// The names are those of the ARM run-time ABI (section 5.1.2) and of libgcc, whose mode `DF` is `f64`.
+fn is_soft_double(name: &str) -> bool {
+    const CONVERSIONS_TO_DOUBLE: [&str; 6] =
+        ["__aeabi_f2d", "__aeabi_h2d", "__aeabi_i2d", "__aeabi_ui2d", "__aeabi_l2d", "__aeabi_ul2d"];
+    let libgcc = name.strip_prefix("__").is_some_and(|rest| {
+        rest.contains("df")
+            && rest.ends_with(|last: char| last.is_ascii_digit() || last == 'f' || last == 'i')
+    });
+    // `__aeabi_cdcmple` and its like compare doubles for the flags.
+    name.starts_with("__aeabi_d")
+        || name.starts_with("__aeabi_cdcmp")
+        || name.starts_with("__aeabi_cdrcmp")
+        || CONVERSIONS_TO_DOUBLE.contains(&name)
+        || libgcc
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn double_precision_routines_are_known_by_name() {
+        for name in [
+            "__aeabi_dadd",
+            "__aeabi_dmul",
+            "__aeabi_d2f",
+            "__aeabi_f2d",
+            "__aeabi_cdcmple",
+            "__adddf3",
+            "__muldf3",
+            "__extendsfdf2",
+            "__truncdfsf2",
+            "__floatunsidf",
+            "__fixdfsi",
+            "__unorddf2",
+        ] {
+            assert!(is_soft_double(name), "{name}");
+        }
+        for name in [
+            "__aeabi_uldivmod",
+            "__aeabi_memcpy",
+            "__aeabi_f2iz",
+            "__addsf3",
+            "__mulsf3",
+            "__sidata",
+            "__ebss",
+        ] {
+            assert!(!is_soft_double(name), "{name}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_image_is_an_error() {
+        assert!(matches!(of_image(b"not an ELF file"), Err(EmulatorError::Image(_))));
+    }
+}

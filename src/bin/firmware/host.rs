@@ -1,0 +1,21 @@
+//! The workload's platform on a host: result lines on the standard output, no measurement.
+
+use crate::Platform;
+
+/// The host.
+pub(crate) struct Host;
+
+impl Platform for Host {
+    fn result_f32(&mut self, name: &str, value: f32) {
+        println!("result {name}={:#010x}", value.to_bits());
+    }
+
+    fn result_count(&mut self, name: &str, value: u64) {
+        println!("result {name}={value}");
+    }
+
+    /// A host's instruction count says nothing of the microcontroller's: runs `work` and reports nothing.
+    fn measure<T>(&mut self, _name: &str, work: impl FnOnce() -> T) -> T {
+        work()
+    }
+}

@@ -1,0 +1,93 @@
+//! The jobs themselves: commands, each shown before it runs.
+
+use std::{env, ffi::OsStr, fmt, io, iter, path::Path, process::Command};
+
+/// The Rust target of every supported part.
+pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// Why a job failed.
+pub(crate) enum Failure {
+    /// A command could not be started.
+    Start {
+        /// The command line.
+        command: String,
+        /// What the system says.
+        error: io::Error,
+    },
+    /// A command failed, and said why.
+    Command(String),
+    /// Something is not installed and cannot be installed from here. The text says what to do.
+    Missing(String),
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Start { command, error } => write!(f, "cannot run `{command}`: {error}"),
+            Self::Command(command) => write!(f, "`{command}` failed"),
+            Self::Missing(text) => f.write_str(text),
+        }
+    }
+}
+
+/// Checks the formatting.
+pub(crate) fn fmt() -> Result<(), Failure> {
+    run(cargo().args(["fmt", "--all", "--check"]))
+}
+
+/// Lints the workspace for the host, and what goes to the microcontroller for that.
+pub(crate) fn clippy() -> Result<(), Failure> {
+    const DENY: [&str; 3] = ["--", "-D", "warnings"];
+    run(cargo().args(["clippy", "--locked", "--workspace", "--all-targets", "--all-features"]).args(DENY))?;
+    run(cargo_for_firmware("clippy").arg("--all-features").args(DENY))
+}
+
+/// Builds the documentation, of private items too: that is what a newcomer reads.
+pub(crate) fn doc() -> Result<(), Failure> {
+    let doc = ["doc", "--locked", "--workspace", "--no-deps", "--document-private-items"];
+    run(cargo().args(doc).env("RUSTDOCFLAGS", "-D warnings"))
+}
+
+/// Runs every test.
+pub(crate) fn test() -> Result<(), Failure> {
+    run(cargo().args(["test", "--locked", "--workspace"]))
+}
+
+/// Links the release firmware for every board. The emulated boards share one image here, which leaves out what only
+/// one of their processors can do; the tests build one for each.
+pub(crate) fn firmware() -> Result<(), Failure> {
+    for features in ["", "board-stm32h743"] {
+        run(cargo_for_firmware("build").args(["--features", features]))?;
+    }
+    Ok(())
+}
+
+/// Cargo, as the one that runs this program, at the root of the workspace.
+fn cargo() -> Command {
+    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo.current_dir(package.parent().unwrap_or(package));
+    cargo
+}
+
+/// `cargo VERB` on the release firmware. Without `--package` the host program's features would reach the
+/// dependencies that both share, and those need a standard library.
+fn cargo_for_firmware(verb: &str) -> Command {
+    let mut cargo = cargo();
+    let binary = ["--package", "eha-monitor", "--bin", "firmware", "--target", TARGET];
+    cargo.args([verb, "--locked", "--release"]).args(binary);
+    cargo
+}
+
+/// Shows a command and runs it to its end.
+pub(crate) fn run(command: &mut Command) -> Result<(), Failure> {
+    let program = Path::new(command.get_program()).file_name().unwrap_or(command.get_program());
+    let words: Vec<_> = iter::once(program).chain(command.get_args()).map(OsStr::to_string_lossy).collect();
+    let line = words.join(" ");
+    eprintln!("$ {line}");
+    match command.status() {
+        Ok(status) if status.success() => Ok(()),
+        Ok(_) => Err(Failure::Command(line)),
+        Err(error) => Err(Failure::Start { command: line, error }),
+    }
+}
