@@ -9,6 +9,7 @@ mod csv;
 mod csv_writer;
 mod error;
 mod mapping;
+mod mat;
 pub mod plausible;
 mod table;
 mod time_base;
@@ -18,6 +19,7 @@ pub use csv::{parse_csv, read_csv, read_csv_with};
 pub use csv_writer::{save_csv, write_csv};
 pub use error::{Field, Problem, RecordError};
 pub use mapping::{Mapping, MappingError};
+pub use mat::{parse_mat, read_mat, read_mat_with};
 
 use table::{Series, Table};
 use time_base::Resolution;
