@@ -1,1 +1,187 @@
-//! Records.
+//! Records of an actuator: uniformly sampled channels, read from CSV or MAT files and written to CSV.
+//!
+//! A [`Record`] is checked once, when it is made: whoever holds one holds data that can be identified from.
+//! Columns, units and limits are those of [`eha_monitor::channel::CHANNELS`].
+
+use eha_monitor::channel::{CHANNELS, Channel};
+
+mod csv;
+mod csv_writer;
+mod error;
+mod mapping;
+mod mat;
+pub mod plausible;
+mod table;
+mod time_base;
+pub mod units;
+
+pub use csv::{parse_csv, read_csv, read_csv_with};
+pub use csv_writer::{save_csv, write_csv};
+pub use error::{Field, Problem, RecordError};
+pub use mapping::{Mapping, MappingError};
+pub use mat::{parse_mat, read_mat, read_mat_with};
+
+use table::{Series, Table};
+use time_base::Resolution;
+
+/// Fewest samples of a record, and fewest present samples of a measured channel.
+pub const MIN_SAMPLES: usize = 50;
+
+/// Channels sampled together at a constant rate.
+///
+/// Every channel has the same number of values. A missing sample is [`f64::NAN`] and occurs in measured channels only;
+/// every other value is finite. There are at least [`MIN_SAMPLES`] samples, the command and the user position
+/// are there, and the user position moves.
+#[derive(Clone, Debug)]
+pub struct Record {
+    name: String,
+    sample_period_s: f64,
+    start_time_s: f64,
+    /// In the order of the channel table, without time.
+    series: Vec<(Channel, Vec<f64>)>,
+}
+
+/// What to read from a file, and how.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ReadOptions {
+    /// Which column or variable holds which channel.
+    pub columns: Mapping,
+    /// Sampling rate, Hz, for a file without time; its first sample is at 0 s.
+    pub sample_rate_hz: Option<f64>,
+    /// First time to keep, s. The checks see only what is kept.
+    pub from_s: Option<f64>,
+    /// Time, s, from which on nothing is kept.
+    pub to_s: Option<f64>,
+}
+
+/// A record, and what the user should know about the file it came from.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The record.
+    pub record: Record,
+    /// One line each, starting with the file.
+    pub warnings: Vec<String>,
+}
+
+impl Record {
+    /// A record of `channels`, each with its values in the unit of the channel; the time is not one of them.
+    ///
+    /// `name` is a path or a label for messages, `sample_period_s` and `start_time_s` are in s.
+    ///
+    /// # Errors
+    ///
+    /// A period that is not positive, a required channel that is missing, a channel given twice, lengths that differ,
+    /// fewer than [`MIN_SAMPLES`] samples, an infinity, a missing sample in a channel that is not measured,
+    /// fewer than [`MIN_SAMPLES`] present values, a magnitude that does not fit the unit (see [`plausible`]),
+    /// a user position that never changes.
+    pub fn new(
+        name: impl Into<String>,
+        sample_period_s: f64,
+        start_time_s: f64,
+        channels: Vec<(Channel, Vec<f64>)>,
+    ) -> Result<Self, RecordError> {
+        let file = name.into();
+        let fail = |problem| Err(RecordError::new(&file, problem));
+        if !(sample_period_s.is_finite() && sample_period_s > 0.0) {
+            return fail(Problem::BadPeriod(sample_period_s));
+        }
+        if !start_time_s.is_finite() {
+            return fail(Problem::NotFinite(start_time_s.to_string()));
+        }
+        let present: Vec<String> =
+            channels.iter().map(|(channel, _)| channel.info().column.to_owned()).collect();
+        for info in CHANNELS {
+            let mut places = (0..channels.len()).filter(|&index| channels[index].0 == info.channel);
+            let (first, second) = (places.next(), places.next());
+            if let (Some(first), Some(_)) = (first, second) {
+                let error = RecordError::new(&file, Problem::Duplicate { first: first + 1 });
+                return Err(error.in_field(Field::Channel(info.column)));
+            }
+            if first.is_none() && info.required && info.channel != Channel::Time {
+                let expected = info.column.to_owned();
+                return fail(Problem::Missing { expected, present, hint: None });
+            }
+        }
+        let series = channels
+            .into_iter()
+            .filter(|(channel, _)| *channel != Channel::Time)
+            .map(|(channel, values)| Series { channel, field: Field::Channel(channel.info().column), values })
+            .collect();
+        let table = Table { file, lines: None, resolution: Resolution::EXACT, series, warnings: Vec::new() };
+        table.check()?;
+        Ok(Self::of_checked(table.file, sample_period_s, start_time_s, table.series))
+    }
+
+    /// A record of series that passed every check.
+    fn of_checked(name: String, sample_period_s: f64, start_time_s: f64, mut series: Vec<Series>) -> Self {
+        series.sort_by_key(|series| CHANNELS.iter().position(|info| info.channel == series.channel));
+        let series = series.into_iter().map(|series| (series.channel, series.values)).collect();
+        Self { name, sample_period_s, start_time_s, series }
+    }
+
+    /// Path of the file, or a label.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Sampling period, s.
+    pub fn sample_period_s(&self) -> f64 {
+        self.sample_period_s
+    }
+
+    /// Time of the first sample, s.
+    pub fn start_time_s(&self) -> f64 {
+        self.start_time_s
+    }
+
+    /// Time of the sample `index`, s; with a whole sampling rate, the double nearest to the decimal number.
+    pub fn time_s(&self, index: usize) -> f64 {
+        let rate = self.sample_period_s.recip();
+        let whole = rate.round();
+        let elapsed = if whole > 0.0 && (rate - whole).abs() <= 1e-9 * whole {
+            index as f64 / whole
+        } else {
+            index as f64 * self.sample_period_s
+        };
+        self.start_time_s + elapsed
+    }
+
+    /// Number of samples.
+    #[expect(clippy::len_without_is_empty, reason = "a record has at least MIN_SAMPLES samples")]
+    pub fn len(&self) -> usize {
+        self.series.first().map_or(0, |(_, values)| values.len())
+    }
+
+    /// The values of a channel in its unit, NaN where the sample is missing; `None` if the record does not have it.
+    /// The time is not stored: see [`time_s`](Self::time_s).
+    pub fn channel(&self, channel: Channel) -> Option<&[f64]> {
+        self.channels().find(|(other, _)| *other == channel).map(|(_, values)| values)
+    }
+
+    /// The channels of the record, in the order of the channel table, without the time.
+    pub fn channels(&self) -> impl Iterator<Item = (Channel, &[f64])> {
+        self.series.iter().map(|(channel, values)| (*channel, values.as_slice()))
+    }
+
+    /// How many samples of a channel are missing; 0 if the record does not have the channel.
+    pub fn missing_count(&self, channel: Channel) -> usize {
+        self.channel(channel).map_or(0, table::missing)
+    }
+
+    /// The samples from `from_s` (included) to `to_s` (excluded), s.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`new`](Self::new): a segment is a record too.
+    pub fn segment(&self, from_s: f64, to_s: f64) -> Result<Self, RecordError> {
+        let inside = |&index: &usize| table::in_window(self.time_s(index), from_s, to_s);
+        let first = (0..self.len()).find(inside).unwrap_or(0);
+        let last = (first..self.len()).take_while(inside).last().map_or(first, |index| index + 1);
+        let channels =
+            self.channels().map(|(channel, values)| (channel, values[first..last].to_vec())).collect();
+        Self::new(self.name.clone(), self.sample_period_s, self.time_s(first), channels)
+    }
+}
+
+#[cfg(test)]
+mod tests;

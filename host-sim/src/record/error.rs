@@ -1,0 +1,287 @@
+//! What can be wrong with a record, and the one message that says so.
+
+use std::fmt;
+
+use super::plausible::Suspicion;
+
+/// Why a record was refused: where, what was found, what was expected.
+///
+/// [`Display`](fmt::Display) gives the whole message, `file:line: column `x` (n): found ..., expected ...`,
+/// with the parts that do not apply left out.
+#[derive(Debug)]
+pub struct RecordError(Box<Report>);
+
+/// The parts of a [`RecordError`].
+#[derive(Debug)]
+struct Report {
+    file: String,
+    line: Option<u64>,
+    field: Option<Field>,
+    sample: Option<usize>,
+    problem: Problem,
+}
+
+/// Where a series of values came from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Field {
+    /// A column of a text file.
+    Column {
+        /// Name in the header.
+        name: String,
+        /// Number, the first is 1.
+        number: usize,
+    },
+    /// A variable of a MAT file, or the path of a structure's field.
+    Variable(String),
+    /// A channel that was made in memory.
+    Channel(&'static str),
+}
+
+impl Field {
+    /// Name of the column, the variable or the channel.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Column { name, .. } | Self::Variable(name) => name,
+            Self::Channel(name) => name,
+        }
+    }
+}
+
+impl fmt::Display for Field {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Column { name, number } => write!(f, "column `{name}` ({number})"),
+            Self::Variable(name) => write!(f, "variable `{name}`"),
+            Self::Channel(name) => write!(f, "channel `{name}`"),
+        }
+    }
+}
+
+/// What is wrong. Times are in s, values in the unit of the channel.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum Problem {
+    /// The file could not be read.
+    Io(std::io::Error),
+    /// A text file with bytes that are not UTF-8.
+    NotUtf8,
+    /// A MAT file where a text file was expected.
+    MatFile,
+    /// No header, or no rows below it.
+    Empty,
+    /// Numbers in the place of the header.
+    NoHeader,
+    /// The text could not be split into cells.
+    Malformed(String),
+    /// A required column or a mapped one is not there.
+    Missing {
+        /// What was looked for.
+        expected: String,
+        /// What the file has.
+        present: Vec<String>,
+        /// A mapping that may be meant.
+        hint: Option<String>,
+    },
+    /// A name occurs twice in the header.
+    Duplicate {
+        /// Number of the column that has the name already.
+        first: usize,
+    },
+    /// A row whose number of cells is not that of the header.
+    UnequalRow {
+        /// Cells in this row.
+        found: usize,
+        /// Cells in the header.
+        expected: usize,
+    },
+    /// A cell that is not a number.
+    NotANumber(String),
+    /// A number with a decimal comma.
+    DecimalComma(String),
+    /// NaN, an infinity, or a number that overflows.
+    NotFinite(String),
+    /// A blank cell where none is allowed.
+    Blank,
+    /// Too few values are left once the blank cells are taken out.
+    TooManyBlanks {
+        /// Samples without a value.
+        blank: usize,
+        /// Samples.
+        samples: usize,
+    },
+    /// Fewer samples than [`MIN_SAMPLES`](super::MIN_SAMPLES).
+    TooFewSamples(usize),
+    /// Time stands still or runs backwards.
+    TimeNotIncreasing {
+        /// Time of the sample before.
+        previous: f64,
+        /// Time of this sample.
+        found: f64,
+    },
+    /// A step that differs from the others.
+    TimeNotUniform {
+        /// This step.
+        step: f64,
+        /// The median step.
+        median: f64,
+    },
+    /// A period that is not a positive finite number.
+    BadPeriod(f64),
+    /// The position has the same value in every sample.
+    ConstantPosition(f64),
+    /// A magnitude that points to a wrong unit.
+    Implausible(Suspicion),
+    /// A series whose length is not that of the others.
+    UnequalLength {
+        /// Values of this series.
+        found: usize,
+        /// Values of the first one.
+        expected: usize,
+    },
+    /// A MAT file that cannot be decoded.
+    BadMat(String),
+    /// A variable that is not a real numeric vector.
+    NotAVector(String),
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Io(error) => write!(f, "cannot be read: {error}"),
+            Self::NotUtf8 => f.write_str("found bytes that are not UTF-8, expected text in UTF-8"),
+            Self::MatFile => f.write_str("found a MAT file, expected CSV: convert it with `host-sim import`"),
+            Self::Empty => f.write_str("found no data, expected a header line and rows of numbers"),
+            Self::NoHeader => f.write_str(
+                "found numbers only, expected a header with column names (is it missing, or commented out by a `#`?)",
+            ),
+            Self::Malformed(what) => write!(f, "cannot be split into cells: {what}"),
+            Self::Missing { expected, present, hint } => {
+                write!(f, "`{expected}` is missing: found {}", quoted(present))?;
+                hint.iter().try_for_each(|hint| write!(f, "; {hint}"))
+            }
+            Self::Duplicate { first } => {
+                write!(f, "found the name a second time (first in column {first}), expected it once")
+            }
+            Self::UnequalRow { found, expected } => {
+                write!(f, "found {found} cells, expected {expected} as in the header")?;
+                if *found == 2 * expected {
+                    f.write_str(" (decimal commas? use decimal points)")?;
+                }
+                Ok(())
+            }
+            Self::NotANumber(text) => write!(f, "found `{text}`, expected a number"),
+            Self::DecimalComma(text) => {
+                write!(f, "found `{text}` with a decimal comma, expected a decimal point")
+            }
+            Self::NotFinite(text) => {
+                write!(f, "found `{text}`, expected a finite number (leave the cell of a lost sample blank)")
+            }
+            Self::Blank => f.write_str(
+                "found a blank cell, expected a number: only measured columns may have lost samples",
+            ),
+            Self::TooManyBlanks { blank, samples } => write!(
+                f,
+                "found no value in {blank} of {samples} samples, expected at least {} values",
+                super::MIN_SAMPLES
+            ),
+            Self::TooFewSamples(found) => {
+                write!(f, "found {found} samples, expected at least {}", super::MIN_SAMPLES)
+            }
+            Self::TimeNotIncreasing { previous, found } => {
+                write!(f, "found {found} s after {previous} s, expected increasing time")
+            }
+            Self::TimeNotUniform { step, median } => write!(
+                f,
+                "found a step of {step:.9} s where the median step is {median:.9} s, \
+                 expected uniform sampling (within 1 %)"
+            ),
+            Self::BadPeriod(period) => {
+                write!(f, "found a sampling period of {period} s, expected a positive finite one")
+            }
+            Self::ConstantPosition(value) => {
+                write!(f, "found the same value {value} in every sample, expected a position that moves")
+            }
+            Self::Implausible(suspicion) => suspicion.fmt(f),
+            Self::UnequalLength { found, expected } => {
+                write!(f, "found {found} values, expected {expected} as in the first series")
+            }
+            Self::BadMat(what) => write!(f, "cannot be decoded as a MAT file: {what}"),
+            Self::NotAVector(found) => write!(f, "found {found}, expected a real numeric vector"),
+        }
+    }
+}
+
+/// The names in back quotes, separated by commas.
+fn quoted(names: &[String]) -> String {
+    if names.is_empty() {
+        return "nothing".to_owned();
+    }
+    names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+}
+
+impl RecordError {
+    /// A problem of the whole of `file` (a path or a label).
+    pub fn new(file: &str, problem: Problem) -> Self {
+        Self(Box::new(Report { file: file.to_owned(), line: None, field: None, sample: None, problem }))
+    }
+
+    /// The same, at a line of the file; the first line is 1.
+    #[must_use]
+    pub fn at_line(mut self, line: u64) -> Self {
+        self.0.line = Some(line);
+        self
+    }
+
+    /// The same, in a column or a variable.
+    #[must_use]
+    pub fn in_field(mut self, field: Field) -> Self {
+        self.0.field = Some(field);
+        self
+    }
+
+    /// The same, at a sample of a series that has no lines; the first sample is 1.
+    #[must_use]
+    pub fn at_sample(mut self, sample: usize) -> Self {
+        self.0.sample = Some(sample);
+        self
+    }
+
+    /// What is wrong.
+    pub fn problem(&self) -> &Problem {
+        &self.0.problem
+    }
+
+    /// The line of the file, the first is 1; `None` where a line is not the place.
+    pub fn line(&self) -> Option<u64> {
+        self.0.line
+    }
+
+    /// The column or variable, where one is to blame.
+    pub fn field(&self) -> Option<&Field> {
+        self.0.field.as_ref()
+    }
+}
+
+impl fmt::Display for RecordError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Report { file, line, field, sample, problem } = &*self.0;
+        f.write_str(file)?;
+        line.iter().try_for_each(|line| write!(f, ":{line}"))?;
+        f.write_str(": ")?;
+        if let Some(field) = field {
+            write!(f, "{field}")?;
+            sample.iter().try_for_each(|sample| write!(f, ", sample {sample}"))?;
+            f.write_str(": ")?;
+        }
+        problem.fmt(f)
+    }
+}
+
+impl std::error::Error for RecordError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match &self.0.problem {
+            Problem::Io(error) => Some(error),
+            _ => None,
+        }
+    }
+}

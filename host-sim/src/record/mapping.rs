@@ -1,0 +1,277 @@
+//! Which column or variable holds which channel, and in which unit.
+
+use std::fmt;
+
+use eha_monitor::channel::{CHANNELS, Channel, ChannelInfo};
+
+use super::error::Problem;
+use super::units::{Unit, unit, units_of};
+
+/// Least similarity of two names (normalised Damerau-Levenshtein) for one to be offered for the other.
+const SIMILAR: f64 = 0.75;
+
+/// Where the channels are found in a file, and the factors that bring them to the unit of the channel.
+///
+/// The default finds each channel under the name of its own column, in its own unit.
+/// An entry is `COLUMN=NAME`, `COLUMN=NAME[UNIT]` or `COLUMN=NAME*FACTOR`, as in `lvdt_m=pos[mm]` or
+/// `lvdt_m=adc.ch0*1.5e-5`. `NAME` is a column of a text file, or a variable or a path to the field of a structure
+/// (`data.pos`) of a MAT file. A header that ends in the unit itself (`Position [mm]`) is found by
+/// `lvdt_m=Position [mm]`. Units: [`UNITS`](super::units::UNITS).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mapping {
+    entries: Vec<Entry>,
+}
+
+/// The source of one channel.
+#[derive(Clone, Debug, PartialEq)]
+struct Entry {
+    channel: Channel,
+    /// Without the unit.
+    name: String,
+    /// With the unit.
+    full_name: String,
+    factor: f64,
+}
+
+/// A mapping that cannot be used: a mistake in the configuration, not in the data.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MappingError {
+    entry: String,
+    reason: String,
+}
+
+impl fmt::Display for MappingError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "mapping `{}`: {}", self.entry, self.reason)
+    }
+}
+
+impl std::error::Error for MappingError {}
+
+/// A channel that was found.
+pub(super) struct Found<T> {
+    pub(super) channel: Channel,
+    /// Unit of the channel per unit of the source.
+    pub(super) factor: f64,
+    pub(super) source: T,
+}
+
+impl Mapping {
+    /// Reads entries such as `lvdt_m=pos[mm]`.
+    ///
+    /// # Errors
+    ///
+    /// An entry without `=` or without a name, a channel that does not exist or is given twice, a unit that is unknown
+    /// or measures something else than the channel, a factor that is not a finite number other than 0.
+    pub fn parse<'a>(entries: impl IntoIterator<Item = &'a str>) -> Result<Self, MappingError> {
+        let mut mapping = Self::default();
+        for text in entries {
+            let entry = Entry::parse(text)
+                .and_then(|entry| match mapping.entry(entry.channel) {
+                    None => Ok(entry),
+                    Some(_) => Err(format!("`{}` is mapped twice", entry.channel.info().column)),
+                })
+                .map_err(|reason| MappingError { entry: text.to_owned(), reason })?;
+            mapping.entries.push(entry);
+        }
+        Ok(mapping)
+    }
+
+    fn entry(&self, channel: Channel) -> Option<&Entry> {
+        self.entries.iter().find(|entry| entry.channel == channel)
+    }
+
+    /// Every channel that `find` knows by name, in the order of the channel table.
+    ///
+    /// `present` are the names to list if a channel that must be there is not. Time need not be there with a `rate`.
+    pub(super) fn resolve<T>(
+        &self,
+        rate: bool,
+        present: &[String],
+        mut find: impl FnMut(&str) -> Option<T>,
+    ) -> Result<Vec<Found<T>>, Problem> {
+        let mut all = Vec::new();
+        for info in &CHANNELS {
+            let channel = info.channel;
+            let entry = self.entry(channel);
+            let (source, factor) = match entry {
+                None => (find(info.column), 1.0),
+                Some(entry) => (find(&entry.full_name).or_else(|| find(&entry.name)), entry.factor),
+            };
+            if let Some(source) = source {
+                all.push(Found { channel, factor, source });
+            } else if let Some(entry) = entry {
+                return Err(missing(format!("{}={}", info.column, entry.full_name), info, present));
+            } else if info.required && !(rate && channel == Channel::Time) {
+                return Err(missing(info.column.to_owned(), info, present));
+            }
+        }
+        Ok(all)
+    }
+}
+
+fn missing(expected: String, info: &ChannelInfo, present: &[String]) -> Problem {
+    let hint = present.iter().find_map(|name| {
+        let (close, unit) = closest(name)?;
+        (close.channel == info.channel).then(|| hint(name, close, unit))
+    });
+    Problem::Missing { expected, present: present.to_vec(), hint }
+}
+
+impl Entry {
+    fn parse(text: &str) -> Result<Self, String> {
+        let (column, source) =
+            text.split_once('=').ok_or("expected COLUMN=NAME, COLUMN=NAME[UNIT] or COLUMN=NAME*FACTOR")?;
+        let column = column.trim();
+        let info = CHANNELS.iter().find(|info| info.column == column).ok_or_else(|| {
+            let known: Vec<&str> = CHANNELS.iter().map(|info| info.column).collect();
+            format!("`{column}` is not a channel, expected one of {}", known.join(", "))
+        })?;
+        let (full_name, scale) = match source.rsplit_once('*') {
+            None => (source.trim(), 1.0),
+            Some((name, scale)) => (name.trim(), parse_scale(scale)?),
+        };
+        let (name, factor) = match full_name.strip_suffix(']').and_then(|rest| rest.rsplit_once('[')) {
+            None => (full_name, 1.0),
+            Some((name, symbol)) => (name.trim(), parse_unit(symbol, info)?.factor),
+        };
+        if name.is_empty() {
+            return Err("the name of the column or variable is missing".to_owned());
+        }
+        Ok(Self {
+            channel: info.channel,
+            name: name.to_owned(),
+            full_name: full_name.to_owned(),
+            factor: factor * scale,
+        })
+    }
+}
+
+fn parse_scale(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(scale) if scale.is_finite() && scale != 0.0 => Ok(scale),
+        _ => Err(format!("the scale `{}` is not a finite number other than 0", text.trim())),
+    }
+}
+
+fn parse_unit(symbol: &str, info: &ChannelInfo) -> Result<&'static Unit, String> {
+    let known = || units_of(info).map(|unit| unit.symbol).collect::<Vec<_>>().join(", ");
+    match unit(symbol) {
+        Some(unit) if unit.base == info.unit => Ok(unit),
+        Some(unit) => Err(format!("`{}` is in {}, expected one of {}", unit.symbol, unit.name, known())),
+        None => Err(format!(
+            "the unit `{}` is not known, expected one of {}; for counts and other units give a scale in {} per unit, \
+             as in `{}=NAME*1.5e-5`",
+            symbol.trim(),
+            known(),
+            info.unit,
+            info.column,
+        )),
+    }
+}
+
+/// What to tell about a name that was not used: the channel that may be meant, if one is close.
+pub(super) fn suggestion(name: &str) -> Option<String> {
+    closest(name).map(|(info, unit)| hint(name, info, unit))
+}
+
+fn hint(name: &str, info: &ChannelInfo, unit: Option<&Unit>) -> String {
+    let column = info.column;
+    let unit = unit.map(|unit| format!("[{}]", unit.symbol)).filter(|unit| !name.ends_with(unit.as_str()));
+    let unit = unit.unwrap_or_default();
+    format!("did you mean `{column}`? map it with `{column}={name}{unit}`")
+}
+
+/// The channel that a name, itself not that of a column, may stand for, and the unit that it ends in.
+fn closest(name: &str) -> Option<(&'static ChannelInfo, Option<&'static Unit>)> {
+    if CHANNELS.iter().any(|info| info.column == name) {
+        return None;
+    }
+    let words: Vec<&str> =
+        name.split(|c: char| !c.is_alphanumeric() && c != '-').filter(|word| !word.is_empty()).collect();
+    let (last, head) = words.split_last()?;
+    let plain = words.join("_").to_lowercase();
+    let stem = head.join("_").to_lowercase();
+    CHANNELS.iter().find_map(|info| {
+        let unit = units_of(info).find(|unit| unit.symbol.eq_ignore_ascii_case(last));
+        let is_stem = |text: &str| stems(info).any(|stem| stem == text);
+        if is_stem(&plain) {
+            return Some((info, None));
+        }
+        if let (Some(unit), true) = (unit, is_stem(&stem)) {
+            return Some((info, Some(unit)));
+        }
+        let similarity = strsim::normalized_damerau_levenshtein(&plain, &info.column.to_lowercase());
+        (similarity >= SIMILAR).then_some((info, None))
+    })
+}
+
+/// Names of a channel without its unit: that of the column, and the first word of its description.
+fn stems(info: &ChannelInfo) -> impl Iterator<Item = &'static str> {
+    let column = info.column.rsplit_once('_').map(|(stem, _)| stem);
+    let word = info.description.split([' ', ',']).next();
+    column.into_iter().chain(word)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn reason(entry: &str) -> String {
+        Mapping::parse([entry]).expect_err("must be refused").to_string()
+    }
+
+    fn factor(entry: &str) -> f64 {
+        Mapping::parse([entry]).expect("must be read").entries[0].factor
+    }
+
+    #[test]
+    fn entries_give_name_and_factor() {
+        assert_eq!(factor("lvdt_m=pos"), 1.0);
+        assert_eq!(factor("lvdt_m = data.pos [mm]"), 1e-3);
+        assert_eq!(factor("lvdt_m=adc*-1.5e-5"), -1.5e-5);
+        assert_eq!(factor("current_mA=i[A]"), 1e3);
+        assert_eq!(factor("dp_Pa=dp[bar]"), 1e5);
+        assert_eq!(factor("load_N=f[kN]*-1"), -1e3);
+        assert_eq!(factor("t_s=time[us]"), 1e-6);
+    }
+
+    #[test]
+    fn a_header_may_carry_its_unit() {
+        let mapping = Mapping::parse(["lvdt_m=Position [mm]", "command_m=ref[mm]"]).expect("valid");
+        let names = ["t_s", "Position [mm]", "ref"];
+        let found = mapping
+            .resolve(false, &[], |name| names.iter().position(|&other| other == name))
+            .map(|all| all.iter().map(|found| (found.source, found.factor)).collect::<Vec<_>>());
+        assert_eq!(found.expect("all there"), [(0, 1.0), (2, 1e-3), (1, 1e-3)]);
+    }
+
+    #[test]
+    fn every_mistake_has_its_reason() {
+        assert!(reason("lvdt_m").contains("expected COLUMN=NAME"));
+        assert!(reason("lvdt=x").contains("`lvdt` is not a channel, expected one of t_s, command_m"));
+        assert!(reason("lvdt_m=").contains("name of the column or variable is missing"));
+        assert!(reason("lvdt_m=[mm]").contains("name of the column or variable is missing"));
+        assert!(reason("lvdt_m=x[bar]").contains("`bar` is in bars, expected one of m, in, cm, mm, um"));
+        assert!(reason("lvdt_m=x[counts]").contains("as in `lvdt_m=NAME*1.5e-5`"));
+        assert!(reason("lvdt_m=x*0").contains("not a finite number other than 0"));
+        assert!(reason("lvdt_m=x*inf").contains("not a finite number other than 0"));
+        let twice = Mapping::parse(["lvdt_m=a", "lvdt_m=b"]).expect_err("twice").to_string();
+        assert_eq!(twice, "mapping `lvdt_m=b`: `lvdt_m` is mapped twice");
+    }
+
+    #[test]
+    fn close_names_are_offered() {
+        let offer = |name| suggestion(name).unwrap_or_default();
+        assert_eq!(offer("lvdt_mm"), "did you mean `lvdt_m`? map it with `lvdt_m=lvdt_mm[mm]`");
+        assert_eq!(offer("command"), "did you mean `command_m`? map it with `command_m=command`");
+        assert_eq!(offer("LVDT [mm]"), "did you mean `lvdt_m`? map it with `lvdt_m=LVDT [mm]`");
+        assert_eq!(offer("Time"), "did you mean `t_s`? map it with `t_s=Time`");
+        assert_eq!(offer("time_ms"), "did you mean `t_s`? map it with `t_s=time_ms[ms]`");
+        assert_eq!(offer("comand_m"), "did you mean `command_m`? map it with `command_m=comand_m`");
+        assert_eq!(offer("LVDT_M"), "did you mean `lvdt_m`? map it with `lvdt_m=LVDT_M[m]`");
+        assert_eq!(offer("temperature_C"), "");
+        assert_eq!(offer("ram_m"), "", "a column of the table, left out on purpose");
+        assert_eq!(offer(""), "");
+    }
+}

@@ -1,0 +1,195 @@
+//! Does the size of a channel's values fit its unit?
+//!
+//! Two rules, both on values that are present:
+//!
+//! 1. The largest magnitude is at most [`ChannelInfo::plausible`] of the channel table. Above it, whole numbers beyond
+//!    50 times the limit are called sensor counts; otherwise the first unit a thousand times smaller
+//!    or more that brings them below the limit is named; where there is none, sensor counts.
+//! 2. A measured position moves at most 100 times as far as the command asks (peak to peak). This finds a small
+//!    motion in millimetres beside a command in metres. It needs a command that moves, and is left out
+//!    where a driving force replaces the valve.
+
+use std::fmt;
+
+use eha_monitor::channel::{Channel, ChannelInfo, ChannelRole};
+
+use super::table::Series;
+use super::units::{Unit, units_of};
+
+/// Whole numbers this many times above the limit are called counts.
+const COUNTS_FROM: f64 = 50.0;
+
+/// Largest ratio of a position's travel to that of the command.
+const MOST_TRAVEL: f64 = 100.0;
+
+/// A magnitude that does not fit its unit, and what it looks like.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Suspicion {
+    /// What was measured.
+    pub found: Excess,
+    /// The unit that the values seem to have; `None` for sensor counts.
+    pub looks_like: Option<&'static Unit>,
+    /// Name of the channel's column.
+    pub column: &'static str,
+    /// Unit of the channel.
+    pub unit: &'static str,
+    /// Name of the column or variable that was read.
+    pub source: String,
+}
+
+/// Which rule was broken, and by how much; in the unit of the channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Excess {
+    /// The largest magnitude is above the limit.
+    Magnitude {
+        /// The largest magnitude.
+        largest: f64,
+        /// The limit.
+        limit: f64,
+    },
+    /// The position travels too far for the command.
+    Travel {
+        /// Peak to peak of the position.
+        position: f64,
+        /// Peak to peak of the command.
+        command: f64,
+    },
+}
+
+impl fmt::Display for Suspicion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { looks_like, column, unit, source, .. } = self;
+        match self.found {
+            Excess::Magnitude { largest, limit } => {
+                write!(f, "found a magnitude of {largest}, expected at most {limit} {unit}")?;
+            }
+            Excess::Travel { position, command } => write!(
+                f,
+                "found {position} from peak to peak where the command moves by {command} {unit}, \
+                 expected at most {MOST_TRAVEL} times the command"
+            )?,
+        }
+        match looks_like {
+            Some(Unit { name, symbol, .. }) => {
+                write!(f, "; it looks like {name}: convert with `{column}={source}[{symbol}]`")
+            }
+            None => write!(
+                f,
+                "; it looks like sensor counts: give the scale in {unit} per count, as in `{column}={source}*1.5e-5`"
+            ),
+        }
+    }
+}
+
+/// The index of the sample that breaks rule 1, and what is suspected.
+pub(super) fn magnitude(info: &ChannelInfo, series: &Series) -> Option<(usize, Suspicion)> {
+    let (index, largest) = series
+        .values
+        .iter()
+        .map(|value| value.abs())
+        .enumerate()
+        .filter(|(_, value)| !value.is_nan())
+        .max_by(|a, b| a.1.total_cmp(&b.1))?;
+    if largest <= info.plausible {
+        return None;
+    }
+    let whole = series.values.iter().filter(|value| !value.is_nan()).all(|value| value.fract() == 0.0);
+    let counts = whole && info.channel != Channel::Time && largest > COUNTS_FROM * info.plausible;
+    let found = Excess::Magnitude { largest, limit: info.plausible };
+    let looks_like = if counts { None } else { smaller_unit(info, largest, info.plausible) };
+    Some((index, suspicion(info, series, found, looks_like)))
+}
+
+/// The first series that breaks rule 2, and what is suspected.
+pub(super) fn travel(all: &[Series]) -> Option<(&Series, Suspicion)> {
+    let find = |channel| all.iter().find(|series| series.channel == channel);
+    if find(Channel::Drive).is_some() {
+        return None;
+    }
+    let command = find(Channel::Command)?;
+    let unit = command.channel.info().unit;
+    let asked = peak_to_peak(&command.values);
+    all.iter()
+        .filter(|series| {
+            let info = series.channel.info();
+            info.unit == unit && info.role == ChannelRole::Measured
+        })
+        .find_map(|series| {
+            let position = peak_to_peak(&series.values);
+            let info = series.channel.info();
+            (asked > 0.0 && position > MOST_TRAVEL * asked).then(|| {
+                let looks_like = smaller_unit(info, position, MOST_TRAVEL * asked);
+                (series, suspicion(info, series, Excess::Travel { position, command: asked }, looks_like))
+            })
+        })
+}
+
+fn suspicion(
+    info: &ChannelInfo,
+    series: &Series,
+    found: Excess,
+    looks_like: Option<&'static Unit>,
+) -> Suspicion {
+    let source = series.field.name().to_owned();
+    Suspicion { found, looks_like, column: info.column, unit: info.unit, source }
+}
+
+/// The largest unit, a thousandth of the channel's or less, that brings `value` down to `limit`.
+fn smaller_unit(info: &ChannelInfo, value: f64, limit: f64) -> Option<&'static Unit> {
+    units_of(info).find(|unit| unit.factor <= 1e-3 && value * unit.factor <= limit)
+}
+
+/// Largest minus smallest value; 0 where there is none.
+fn peak_to_peak(values: &[f64]) -> f64 {
+    let (low, high) = values
+        .iter()
+        .filter(|value| !value.is_nan())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)));
+    (high - low).max(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::error::Field;
+
+    fn series(channel: Channel, values: &[f64]) -> Series {
+        Series { channel, field: Field::Channel(channel.info().column), values: values.to_vec() }
+    }
+
+    fn looks_like(values: &[f64]) -> Option<&'static str> {
+        let info = Channel::UserPosition.info();
+        magnitude(info, &series(info.channel, values))
+            .map(|(_, s)| s.looks_like.map_or("counts", |unit| unit.symbol))
+    }
+
+    #[test]
+    fn magnitudes_are_named_by_what_they_look_like() {
+        assert_eq!(looks_like(&[0.1, f64::NAN, -0.4]), None);
+        assert_eq!(looks_like(&[0.5, 9.0]), Some("mm"));
+        assert_eq!(looks_like(&[0.0, 3.0]), Some("mm"), "whole millimetres");
+        assert_eq!(looks_like(&[2040.0, 2051.0]), Some("counts"));
+        assert_eq!(looks_like(&[9012.5, 100.0]), Some("um"));
+    }
+
+    #[test]
+    fn channels_without_smaller_units_look_like_counts() {
+        let info = Channel::Load.info();
+        let found = magnitude(info, &series(info.channel, &[2.5e7]));
+        assert!(found.is_some_and(|(_, s)| s.looks_like.is_none()));
+    }
+
+    #[test]
+    fn small_motion_in_millimetres_is_found_beside_the_command() {
+        let command = series(Channel::Command, &[0.0, 0.001]);
+        let position = series(Channel::UserPosition, &[0.0, f64::NAN, 0.97]);
+        let drive = series(Channel::Drive, &[0.0, 1.0]);
+        let found = travel(&[command.clone(), position.clone()]).map(|(_, s)| s.looks_like.map(|u| u.symbol));
+        assert_eq!(found, Some(Some("mm")));
+        assert!(travel(&[command, position.clone(), drive]).is_none(), "the force drives, not the command");
+        assert!(
+            travel(&[series(Channel::Command, &[0.0, 0.0]), position]).is_none(),
+            "no command to compare"
+        );
+    }
+}

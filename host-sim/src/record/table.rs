@@ -1,0 +1,210 @@
+//! The series of a file before they are a record: the checks that every source has to pass.
+
+use eha_monitor::channel::{Channel, ChannelRole};
+
+use super::error::{Field, Problem, RecordError};
+use super::time_base::{Resolution, uniform};
+use super::{Loaded, MIN_SAMPLES, ReadOptions, Record, plausible};
+
+/// Above this period, s, the unit of the time is doubted in a warning.
+const SLOW_SAMPLING: f64 = 0.1;
+
+/// The values of one channel, in its unit, and where they came from. NaN is a missing sample.
+#[derive(Clone, Debug)]
+pub(super) struct Series {
+    pub(super) channel: Channel,
+    pub(super) field: Field,
+    pub(super) values: Vec<f64>,
+}
+
+/// The series of a file, one value per sample in each.
+#[derive(Clone, Debug)]
+pub(super) struct Table {
+    /// Path or label.
+    pub(super) file: String,
+    /// The line of each sample, in a text file.
+    pub(super) lines: Option<Vec<u64>>,
+    /// How finely time is given.
+    pub(super) resolution: Resolution,
+    /// In the order of the channel table; may or may not have [`Channel::Time`].
+    pub(super) series: Vec<Series>,
+    /// What the user should know.
+    pub(super) warnings: Vec<String>,
+}
+
+impl Table {
+    /// The record of the samples in the window of `options`, if it passes every check.
+    pub(super) fn into_loaded(mut self, options: &ReadOptions) -> Result<Loaded, RecordError> {
+        self.check_shape()?;
+        for series in &self.series {
+            self.check_finite(series)?;
+        }
+        let length = self.series.first().map_or(0, |series| series.values.len());
+        let time = self.series.iter().position(|series| series.channel == Channel::Time);
+        let time = match (time.map(|index| self.series.remove(index)), options.sample_rate_hz) {
+            (Some(time), rate) => {
+                if rate.is_some() {
+                    self.warn(&format!("the sampling rate is not used: {} gives the time", time.field));
+                }
+                time
+            }
+            (None, Some(rate)) if rate.is_finite() && rate > 0.0 => Series {
+                channel: Channel::Time,
+                field: Field::Channel(Channel::Time.info().column),
+                values: (0..length).map(|index| index as f64 / rate).collect(),
+            },
+            (None, rate) => {
+                let period = rate.map_or(f64::NAN, f64::recip);
+                return Err(RecordError::new(&self.file, Problem::BadPeriod(period)));
+            }
+        };
+        let time = self.cut(time, options);
+        self.check_length(time.values.len())?;
+        self.check_magnitude(&time)?;
+        let (start, period) = uniform(&time.values, self.resolution)
+            .map_err(|(index, problem)| self.at(&time, index, problem))?;
+        self.check_values()?;
+        if period > SLOW_SAMPLING {
+            self.warn(&format!("the sampling period is {period} s: is the time in seconds?"));
+        }
+        self.report_missing();
+        let Self { file, series, warnings, .. } = self;
+        Ok(Loaded { record: Record::of_checked(file, period, start, series), warnings })
+    }
+
+    /// Keeps the samples in the window of `options` and returns their times.
+    fn cut(&mut self, mut time: Series, options: &ReadOptions) -> Series {
+        if options.from_s.is_none() && options.to_s.is_none() {
+            return time;
+        }
+        let from = options.from_s.unwrap_or(f64::NEG_INFINITY);
+        let to = options.to_s.unwrap_or(f64::INFINITY);
+        let keep: Vec<bool> = time.values.iter().map(|&t| in_window(t, from, to)).collect();
+        for series in self.series.iter_mut().chain(std::iter::once(&mut time)) {
+            let mut kept = keep.iter();
+            series.values.retain(|_| kept.next().is_some_and(|&kept| kept));
+        }
+        if let Some(lines) = &mut self.lines {
+            let mut kept = keep.iter();
+            lines.retain(|_| kept.next().is_some_and(|&kept| kept));
+        }
+        time
+    }
+
+    /// Every check that does not need the time: also those of a record that was made in memory.
+    pub(super) fn check(&self) -> Result<(), RecordError> {
+        self.check_shape()?;
+        for series in &self.series {
+            self.check_finite(series)?;
+        }
+        self.check_length(self.series.first().map_or(0, |series| series.values.len()))?;
+        self.check_values()
+    }
+
+    fn check_length(&self, samples: usize) -> Result<(), RecordError> {
+        if samples < MIN_SAMPLES {
+            return Err(RecordError::new(&self.file, Problem::TooFewSamples(samples)));
+        }
+        Ok(())
+    }
+
+    fn check_shape(&self) -> Result<(), RecordError> {
+        let expected = self.series.first().map_or(0, |series| series.values.len());
+        match self.series.iter().find(|series| series.values.len() != expected) {
+            Some(series) => {
+                let found = series.values.len();
+                Err(RecordError::new(&self.file, Problem::UnequalLength { found, expected })
+                    .in_field(series.field.clone()))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// No infinity anywhere, and missing samples in measured channels only.
+    fn check_finite(&self, series: &Series) -> Result<(), RecordError> {
+        let measured = series.channel.info().role == ChannelRole::Measured;
+        let wrong = |value: &f64| !(value.is_finite() || value.is_nan() && measured);
+        let Some(index) = series.values.iter().position(wrong) else { return Ok(()) };
+        let problem = match series.values[index] {
+            value if value.is_nan() && self.lines.is_some() => Problem::Blank,
+            value => Problem::NotFinite(value.to_string()),
+        };
+        Err(self.at(series, index, problem))
+    }
+
+    /// Magnitudes, missing samples, motion.
+    fn check_values(&self) -> Result<(), RecordError> {
+        for series in &self.series {
+            self.check_magnitude(series)?;
+        }
+        if let Some((series, suspicion)) = plausible::travel(&self.series) {
+            return Err(
+                RecordError::new(&self.file, Problem::Implausible(suspicion)).in_field(series.field.clone())
+            );
+        }
+        for series in &self.series {
+            let samples = series.values.len();
+            let blank = missing(&series.values);
+            let problem = if samples - blank < MIN_SAMPLES {
+                Problem::TooManyBlanks { blank, samples }
+            } else if series.channel == Channel::UserPosition
+                && let Some(value) = constant(&series.values)
+            {
+                Problem::ConstantPosition(value)
+            } else {
+                continue;
+            };
+            return Err(RecordError::new(&self.file, problem).in_field(series.field.clone()));
+        }
+        Ok(())
+    }
+
+    fn check_magnitude(&self, series: &Series) -> Result<(), RecordError> {
+        match plausible::magnitude(series.channel.info(), series) {
+            Some((index, suspicion)) => Err(self.at(series, index, Problem::Implausible(suspicion))),
+            None => Ok(()),
+        }
+    }
+
+    fn report_missing(&mut self) {
+        for index in 0..self.series.len() {
+            let series = &self.series[index];
+            let blank = missing(&series.values);
+            if blank > 0 {
+                let samples = series.values.len();
+                self.warn(&format!("{}: {blank} of {samples} samples are missing", series.field));
+            }
+        }
+    }
+
+    pub(super) fn warn(&mut self, text: &str) {
+        self.warnings.push(format!("{}: {text}", self.file));
+    }
+
+    /// A problem at a sample of a series.
+    fn at(&self, series: &Series, index: usize, problem: Problem) -> RecordError {
+        let error = RecordError::new(&self.file, problem).in_field(series.field.clone());
+        match self.lines.as_ref().and_then(|lines| lines.get(index)) {
+            Some(&line) => error.at_line(line),
+            None => error.at_sample(index + 1),
+        }
+    }
+}
+
+/// Is `time` in `from` (included) to `to` (excluded), s, but for rounding?
+pub(super) fn in_window(time: f64, from: f64, to: f64) -> bool {
+    let noise = 1e-9 + 1e-12 * time.abs();
+    time >= from - noise && time < to - noise
+}
+
+/// How many samples are missing.
+pub(super) fn missing(values: &[f64]) -> usize {
+    values.iter().filter(|value| value.is_nan()).count()
+}
+
+/// The value that every sample has, if it is one.
+fn constant(values: &[f64]) -> Option<f64> {
+    let mut present = values.iter().copied().filter(|value| !value.is_nan());
+    let first = present.next()?;
+    present.all(|value| value == first).then_some(first)
+}

@@ -1,0 +1,207 @@
+//! Is a series of time stamps uniform, and what is its period?
+//!
+//! A step may differ from the typical step by 1 %, or by what the rounding of its two stamps explains if that is more:
+//! half a unit of the last printed digit at either end, and both only if they are not rounded the same way,
+//! so less than one unit. A whole unit is a fault: with as many decimals as the step needs it is a lost sample.
+
+use super::error::Problem;
+
+/// Largest relative difference of a step from the median step.
+const STEP_TOLERANCE: f64 = 0.01;
+
+/// Largest effect of rounding on a step, units of the last digit: less than one.
+const ROUNDING: f64 = 0.99;
+
+/// Relative error of a period that is floating-point noise.
+const PERIOD_NOISE: f64 = 1e-9;
+
+/// How finely time stamps are given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Resolution {
+    /// Unit of the last digit of the stamp with most decimals, s.
+    absolute: f64,
+    /// Significant digits of the stamp with most of them.
+    digits: i32,
+    /// Length of the unit in which the stamps are printed, s.
+    scale: f64,
+}
+
+/// Counts the digits of printed time stamps.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Digits {
+    /// Most decimals, once a stamp was seen; negative for stamps in tens, hundreds and so on.
+    decimals: Option<i32>,
+    /// Most significant digits.
+    significant: i32,
+}
+
+impl Digits {
+    /// Takes in a stamp as printed: a number that [`f64`] can parse.
+    pub(super) fn add(&mut self, text: &str) {
+        let (mantissa, exponent) = text.split_once(['e', 'E']).unwrap_or((text, "0"));
+        let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, ""));
+        let digits = whole.chars().chain(fraction.chars()).filter(char::is_ascii_digit);
+        let significant = i32::try_from(digits.skip_while(|digit| *digit == '0').count()).unwrap_or(i32::MAX);
+        let decimals = i32::try_from(fraction.len()).unwrap_or(i32::MAX);
+        let decimals = decimals.saturating_sub(exponent.parse().unwrap_or(0));
+        self.decimals = Some(self.decimals.map_or(decimals, |most| most.max(decimals)));
+        self.significant = self.significant.max(significant);
+    }
+
+    /// The resolution of the stamps, printed in a unit of `scale` s.
+    pub(super) fn resolution(self, scale: f64) -> Resolution {
+        let scale = scale.abs();
+        let absolute = 10_f64.powi(self.decimals.map_or(0, i32::saturating_neg)) * scale;
+        Resolution { absolute, digits: self.significant.max(1), scale }
+    }
+}
+
+impl Resolution {
+    /// Stamps in full double precision.
+    pub(super) const EXACT: Self = Self { absolute: 0.0, digits: 17, scale: 1.0 };
+
+    /// Stamps that are single-precision numbers, of which `largest` is the largest magnitude.
+    pub(super) fn single(largest: f64) -> Self {
+        Self { absolute: largest * f64::from(f32::EPSILON), ..Self::EXACT }
+    }
+
+    /// Unit of the last digit of the stamp `time`, s: fixed decimals or fixed significant digits, the coarser.
+    fn unit(&self, time: f64) -> f64 {
+        let printed = time.abs() / self.scale;
+        if printed == 0.0 {
+            return self.absolute;
+        }
+        let leading = printed.log10().floor();
+        let relative = 10_f64.powf(leading + 1.0 - f64::from(self.digits)) * self.scale;
+        self.absolute.max(relative)
+    }
+}
+
+/// Start and period of uniform time stamps, s. `times` are at least two finite values.
+///
+/// # Errors
+///
+/// The index of the first stamp that does not follow its predecessor by one step, and why.
+pub(super) fn uniform(times: &[f64], resolution: Resolution) -> Result<(f64, f64), (usize, Problem)> {
+    let steps = times.windows(2).map(|pair| pair[1] - pair[0]);
+    if let Some(index) = steps.clone().position(|step| step <= 0.0) {
+        let problem = Problem::TimeNotIncreasing { previous: times[index], found: times[index + 1] };
+        return Err((index + 1, problem));
+    }
+    let typical = typical_step(times);
+    for (index, step) in steps.enumerate() {
+        let slack = (STEP_TOLERANCE * typical).max(ROUNDING * resolution.unit(times[index + 1]));
+        if (step - typical).abs() > slack {
+            let median = median(&mut times.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>());
+            return Err((index + 1, Problem::TimeNotUniform { step, median }));
+        }
+    }
+    Ok((times[0], period(times, resolution)))
+}
+
+/// The median over the record of the mean step of a quarter of it: finer than the digits, and blind to a gap.
+fn typical_step(times: &[f64]) -> f64 {
+    let lag = (times.len() / 4).max(1);
+    median(&mut times.windows(lag + 1).map(|part| (part[lag] - part[0]) / lag as f64).collect::<Vec<_>>())
+}
+
+/// The mean step; the inverse of a whole rate where the digits cannot tell the two apart.
+fn period(times: &[f64], resolution: Resolution) -> f64 {
+    let last = times.len() - 1;
+    let mean = (times[last] - times[0]) / last as f64;
+    let whole = mean.recip().round().recip();
+    let doubt = (resolution.unit(times[last]) / last as f64).max(PERIOD_NOISE * mean);
+    if (whole - mean).abs() <= doubt { whole } else { mean }
+}
+
+/// The upper median of values that are not empty; sorts them.
+fn median(values: &mut [f64]) -> f64 {
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Start and period of stamps as printed.
+    fn printed(texts: &[String]) -> Result<(f64, f64), usize> {
+        let times: Vec<f64> = texts.iter().map(|text| text.parse().expect("a number")).collect();
+        let mut digits = Digits::default();
+        for text in texts {
+            digits.add(text);
+        }
+        uniform(&times, digits.resolution(1.0)).map_err(|(index, _)| index)
+    }
+
+    fn decimals(count: usize, period: f64, decimals: usize) -> Vec<String> {
+        (0..count).map(|k| format!("{:.decimals$}", k as f64 * period)).collect()
+    }
+
+    #[test]
+    fn rounding_of_the_text_is_not_jitter() {
+        for (rate, digits) in [(1024.0, 4), (1000.0 / 3.0, 3), (600.0, 3), (900.0, 3), (1500.0, 4)] {
+            let (start, period) = printed(&decimals(400, 1.0 / rate, digits)).expect("uniform");
+            assert_eq!(start, 0.0);
+            let error = (period * rate - 1.0).abs();
+            assert!(error < 2e-3, "{rate} Hz with {digits} decimals: off by {error}");
+        }
+    }
+
+    #[test]
+    fn six_significant_digits_are_enough() {
+        let texts: Vec<String> = (0..2000)
+            .map(|k| {
+                let time = 99.0 + f64::from(k) * 0.0025;
+                if time < 100.0 { format!("{time:.4}") } else { format!("{time:.3}") }
+            })
+            .map(|text| text.trim_end_matches('0').trim_end_matches('.').to_owned())
+            .collect();
+        assert!(printed(&texts).is_ok());
+    }
+
+    #[test]
+    fn a_lost_row_is_found_at_every_number_of_decimals() {
+        for digits in 3..7 {
+            let mut texts = decimals(200, 1e-3, digits);
+            texts.remove(77);
+            assert_eq!(printed(&texts), Err(77), "{digits} decimals");
+        }
+    }
+
+    #[test]
+    fn one_percent_is_the_limit() {
+        let mut times: Vec<f64> = (0..100).map(|k| f64::from(k) * 1e-3).collect();
+        times[40] += 0.9e-5;
+        assert!(uniform(&times, Resolution::EXACT).is_ok());
+        times[40] += 0.3e-5;
+        assert_eq!(uniform(&times, Resolution::EXACT).map_err(|(index, _)| index), Err(40));
+    }
+
+    #[test]
+    fn slow_drift_of_the_clock_is_uniform() {
+        let times: Vec<f64> =
+            (0..5000).map(f64::from).map(|k| k * 1e-3 * (1.0 + 1e-3 * (k / 800.0).sin())).collect();
+        assert!(uniform(&times, Resolution::EXACT).is_ok());
+    }
+
+    #[test]
+    fn whole_rates_are_exact() {
+        let times: Vec<f64> = (0..1000).map(|k| 5.0 + f64::from(k) * 1e-3).collect();
+        assert_eq!(uniform(&times, Resolution::EXACT).map_err(|(index, _)| index), Ok((5.0, 1e-3)));
+    }
+
+    #[test]
+    fn single_precision_stamps_are_uniform() {
+        let times: Vec<f64> = (0..2000).map(|k| f64::from(1000.0_f32 + k as f32 * 1e-3)).collect();
+        assert!(uniform(&times, Resolution::EXACT).is_err());
+        assert!(uniform(&times, Resolution::single(1002.0)).is_ok());
+    }
+
+    #[test]
+    fn time_that_stands_still_is_refused() {
+        let times = [0.0, 1.0, 1.0, 2.0];
+        let found = uniform(&times, Resolution::EXACT);
+        assert!(matches!(found, Err((2, Problem::TimeNotIncreasing { .. }))), "{found:?}");
+    }
+}
