@@ -9,8 +9,10 @@ use crate::scalar::Real;
 pub struct Fluid<T> {
     /// Pressure gain `GP`, Pa/m, at the supply ratio.
     pressure_gain: T,
-    /// Flow gain `GQ`, m^2/s, at the supply ratio.
+    /// Flow gain `GQ` of the linear form, m^2/s, at the supply ratio.
     flow_gain: T,
+    /// Flow gain of the metering form, m^2/s: its root of `PSR/PSR0` brings the supply ratio in.
+    metering_gain: T,
     /// `1/GPQ + Clk`, m^3/(s Pa).
     conductance: T,
     /// `1/(1 + GPQ Clk)`.
@@ -44,6 +46,7 @@ impl<T: Real> Fluid<T> {
         Self {
             pressure_gain,
             flow_gain,
+            metering_gain: p.flow_gain,
             conductance: T::ONE / gpq + p.leakage,
             leak_factor: T::ONE / (T::ONE + gpq * p.leakage),
             damping: gpq * p.jack_area,
@@ -121,11 +124,11 @@ impl<T: Real> Fluid<T> {
     #[inline]
     pub fn metering_pressure(&self, opening: T, velocity: T, compliance: T) -> T {
         let sign = if opening < T::ZERO { -T::ONE } else { T::ONE };
-        let flow = self.flow_gain * opening.magnitude();
+        let opening = opening.magnitude();
         let slope = self.area * compliance + self.conductance;
         let a = slope * self.rated_supply;
-        let b = flow * self.blend;
-        let c = flow * (T::ONE - self.blend) - sign * self.area * velocity - slope * self.supply;
+        let b = self.metering_gain * opening * self.blend;
+        let c = self.flow_gain * opening * (T::ONE - self.blend) - sign * self.area * velocity - slope * self.supply;
         let limit = self.cavitation_limit();
         if c >= T::ZERO {
             // The throttle passes nothing (y = 0): what the ram displaces leaves through the conductance.
@@ -144,7 +147,7 @@ impl<T: Real> Fluid<T> {
         } else {
             let sign = if opening < T::ZERO { -T::ONE } else { T::ONE };
             let head = ((self.supply - sign * pressure) / self.rated_supply).larger(T::ZERO);
-            self.flow_gain * opening * (T::ONE - self.blend + self.blend * head.root())
+            opening * (self.flow_gain * (T::ONE - self.blend) + self.metering_gain * self.blend * head.root())
         };
         self.bulk_stiffness * (flow - self.area * velocity - self.conductance * pressure)
     }
