@@ -85,7 +85,8 @@ pub fn prepare(rig: &Rig, record: &Record, position_noise: f64) -> Prepared {
         let starts = (0..command.len()).step_by(stretch).map(|at| moving_start(&position, at, sample_period));
         (starts.collect(), stretch, 1)
     } else {
-        let first: Vec<f64> = position.iter().copied().filter(|x| x.is_finite()).take(START_SAMPLES).collect();
+        let first: Vec<f64> =
+            position.iter().copied().filter(|x| x.is_finite()).take(START_SAMPLES).collect();
         let mean = first.iter().sum::<f64>() / first.len().max(1) as f64;
         let commanded = command.first().copied().unwrap_or(mean);
         let tolerance = 6.0 * position_noise / (first.len().max(1) as f64).sqrt();
