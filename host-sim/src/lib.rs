@@ -26,7 +26,7 @@ use failure::Failure;
 ///
 /// # Errors
 /// The failure and its exit code; see [`failure::EXIT_CODES`].
-pub fn run(cli: Cli) -> Result<(), Failure> {
+pub fn run(cli: &Cli) -> Result<(), Failure> {
     let common = &cli.common;
     if let Some(threads) = common.threads {
         rayon::ThreadPoolBuilder::new()

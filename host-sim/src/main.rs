@@ -5,7 +5,7 @@ use host_sim::cli::Cli;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    match host_sim::run(Cli::parse()) {
+    match host_sim::run(&Cli::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             eprintln!("error: {failure}");

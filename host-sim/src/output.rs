@@ -3,6 +3,7 @@
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::fit::{Estimate, Fit, NoiseSource, Standing};
+use crate::record::{Record, write_csv};
 use crate::rig::{Range, Rig};
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use eha_monitor::channel::Channel;
@@ -81,6 +82,52 @@ pub fn write_file(path: &Path, content: &[u8]) -> Result<(), Failure> {
     file.write_all(content).map_err(fail)?;
     file.persist(path).map_err(|error| fail(error.error))?;
     Ok(())
+}
+
+/// Name of a record in the output directory.
+pub const RECORD_FILE: &str = "record.csv";
+
+/// Writes a record that a verb made: to `path`, else to stdout. With `--json`, stdout gets one object: where the record
+/// is, or its columns (null for a missing sample), and the configuration.
+///
+/// # Errors
+/// The file or stdout cannot be written.
+pub fn record(
+    common: &Common,
+    record: &Record,
+    comments: &[String],
+    path: Option<&Path>,
+    mut config: Value,
+) -> Result<(), Failure> {
+    let mut text = Vec::new();
+    write_csv(record, comments, &mut text).map_err(Failure::other)?;
+    if let Some(path) = path {
+        write_file(path, &text)?;
+        log(common, &format!("wrote {} samples to {}", record.len(), path.display()));
+    } else if !common.json {
+        return print(String::from_utf8_lossy(&text).trim_end());
+    }
+    if !common.json {
+        return Ok(());
+    }
+    config["version"] = json!(env!("CARGO_PKG_VERSION"));
+    let mut result = json!({
+        "schema": SCHEMA,
+        "samples": record.len(),
+        "sample_period_s": record.sample_period_s(),
+        "start_time_s": record.start_time_s(),
+        "seed": common.seed,
+        "config": config,
+    });
+    if let Some(path) = path {
+        result["file"] = json!(path.display().to_string());
+    } else {
+        let columns = record.channels().map(|(channel, values)| {
+            (channel.info().column.to_owned(), values.iter().map(|&value| number(value)).collect())
+        });
+        result["columns"] = Value::Object(columns.collect());
+    }
+    print_json(&result)
 }
 
 /// Path of a file in the output directory, if there is one.

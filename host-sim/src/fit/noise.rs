@@ -34,12 +34,11 @@ pub fn estimate(rig: &Rig, records: &[Record]) -> ([f64; MEASURED], [NoiseSource
         if shown.is_empty() {
             continue;
         }
-        (noise[index], source[index]) = match rig.noise_of(channel) {
-            Some(known) => (known, NoiseSource::Rig),
-            None => {
-                let mean = shown.iter().map(|value| value * value).sum::<f64>() / shown.len() as f64;
-                (mean.sqrt().max(SMALLEST[index]), NoiseSource::Estimated)
-            }
+        (noise[index], source[index]) = if let Some(known) = rig.noise_of(channel) {
+            (known, NoiseSource::Rig)
+        } else {
+            let mean = shown.iter().map(|value| value * value).sum::<f64>() / shown.len() as f64;
+            (mean.sqrt().max(SMALLEST[index]), NoiseSource::Estimated)
         };
     }
     (noise, source)

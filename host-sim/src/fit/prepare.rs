@@ -81,24 +81,20 @@ pub fn prepare(rig: &Rig, record: &Record, position_noise: f64) -> Prepared {
     };
     let sample_period = record.sample_period_s();
     let restart = rig.restart_s.map(|seconds| ((seconds / sample_period).round() as usize).max(2));
-    let (starts, stretch, settle) = match restart {
-        Some(stretch) => {
-            let starts =
-                (0..command.len()).step_by(stretch).map(|at| moving_start(&position, at, sample_period));
-            (starts.collect(), stretch, 1)
-        }
-        None => {
-            let first: Vec<f64> =
-                position.iter().copied().filter(|x| x.is_finite()).take(START_SAMPLES).collect();
-            let mean = first.iter().sum::<f64>() / first.len().max(1) as f64;
-            let commanded = command.first().copied().unwrap_or(mean);
-            let tolerance = 6.0 * position_noise / (first.len().max(1) as f64).sqrt();
-            if (mean - commanded).abs() <= tolerance {
-                (vec![Start { ram: commanded, velocity: 0.0 }], command.len(), 0)
-            } else {
-                let settle = ((SETTLE_S / sample_period) as usize).min(command.len() / 4);
-                (vec![Start { ram: mean, velocity: 0.0 }], command.len(), settle)
-            }
+    let (starts, stretch, settle) = if let Some(stretch) = restart {
+        let starts = (0..command.len()).step_by(stretch).map(|at| moving_start(&position, at, sample_period));
+        (starts.collect(), stretch, 1)
+    } else {
+        let first: Vec<f64> =
+            position.iter().copied().filter(|x| x.is_finite()).take(START_SAMPLES).collect();
+        let mean = first.iter().sum::<f64>() / first.len().max(1) as f64;
+        let commanded = command.first().copied().unwrap_or(mean);
+        let tolerance = 6.0 * position_noise / (first.len().max(1) as f64).sqrt();
+        if (mean - commanded).abs() <= tolerance {
+            (vec![Start { ram: commanded, velocity: 0.0 }], command.len(), 0)
+        } else {
+            let settle = ((SETTLE_S / sample_period) as usize).min(command.len() / 4);
+            (vec![Start { ram: mean, velocity: 0.0 }], command.len(), settle)
         }
     };
     let measured = Channel::MEASURED.map(|channel| values(channel).unwrap_or_default());

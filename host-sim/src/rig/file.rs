@@ -83,8 +83,18 @@ named!(DriveName for Drive { Valve, Force });
 pub fn read(path: &Path) -> Result<Rig, Failure> {
     let in_file = |message: String| Failure::usage(format!("{}: {message}", path.display()));
     let text = std::fs::read_to_string(path).map_err(|error| {
-        let names = BUILT_IN.iter().map(|built_in| built_in.name).collect::<Vec<_>>().join(", ");
-        in_file(format!("cannot read this rig file ({error}); built-in rigs are {names}"))
+        let names = || BUILT_IN.iter().map(|built_in| built_in.name);
+        let name = path.to_string_lossy();
+        // A word that is no path is most likely a built-in name mistyped.
+        let meant = if name.contains(['/', '\\', '.']) {
+            in_file(format!("cannot read this rig file ({error})")).to_string()
+        } else {
+            unknown("rig", &name, names())
+        };
+        Failure::usage(format!(
+            "{meant}; expected a rig file or one of the built-in rigs {}",
+            names().collect::<Vec<_>>().join(", ")
+        ))
     })?;
     parse(&text).map_err(|failure| in_file(failure.to_string()))
 }

@@ -68,6 +68,7 @@ pub(super) fn print(common: &Common, fitted: &Fitted) -> Result<(), Failure> {
         output::stop_words(fit.stop),
         common.seed,
     ))?;
+    output::print(&configuration(fitted))?;
     for warning in output::correlation_warnings(fit) {
         output::print(&format!("note: {warning}"))?;
     }
@@ -78,4 +79,17 @@ pub(super) fn print(common: &Common, fitted: &Fitted) -> Result<(), Failure> {
         ))?;
     }
     Ok(())
+}
+
+/// The resolved configuration in a line.
+fn configuration(fitted: &Fitted) -> String {
+    let ranges: Vec<String> = fitted
+        .ranges
+        .iter()
+        .map(|range| {
+            let info = range.parameter.info();
+            format!("{} {} to {} {}", info.name, range.lower, range.upper, info.unit)
+        })
+        .collect();
+    format!("host-sim {}; rig {}; free {}", env!("CARGO_PKG_VERSION"), fitted.rig.name, ranges.join(", "))
 }

@@ -3,7 +3,8 @@
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::output;
-use crate::record::{Mapping, ReadOptions, read_csv_with, read_mat_with, write_csv};
+use crate::record::{Mapping, ReadOptions, read_csv_with, read_mat_with};
+use serde_json::json;
 use std::path::PathBuf;
 
 /// Options of `import`.
@@ -12,7 +13,7 @@ pub struct Options {
     /// MAT file (v5, v7.3) or CSV file.
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Where to write the record; stdout by default.
+    /// Where to write the record; `record.csv` in the directory of `--out` by default, else stdout.
     #[arg(long, short, value_name = "REC.csv")]
     output: Option<PathBuf>,
     /// Which variable is which channel, in which unit: `lvdt_m=pos[mm],command_m=ref[mm]`.
@@ -44,14 +45,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     }
     let comments =
         [format!("imported from {} by host-sim {}", options.file.display(), env!("CARGO_PKG_VERSION"))];
-    let mut text = Vec::new();
-    write_csv(&loaded.record, &comments, &mut text).map_err(Failure::other)?;
-    match &options.output {
-        Some(path) => {
-            output::write_file(path, &text)?;
-            output::log(common, &format!("wrote {} samples to {}", loaded.record.len(), path.display()));
-            Ok(())
-        }
-        None => output::print(String::from_utf8_lossy(&text).trim_end()),
-    }
+    let path = options.output.clone().or_else(|| output::out_path(common, output::RECORD_FILE));
+    let config = json!({ "file": options.file.display().to_string(), "columns": options.columns });
+    output::record(common, &loaded.record, &comments, path.as_deref(), config)
 }

@@ -116,7 +116,7 @@ fn fit_records(
     let settings = FitSettings { seed: common.seed, population: options.population, budget: options.budget };
     let bar = output::bar(common, u64::from(options.budget), "identifying");
     let fit = fit::fit(&rig, &ranges, &prepared, noise, &settings, |standing| {
-        output::show_standing(&bar, standing)
+        output::show_standing(&bar, standing);
     });
     bar.finish_and_clear();
     let names = options.records.iter().map(|path| path.display().to_string()).collect();

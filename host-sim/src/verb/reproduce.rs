@@ -60,20 +60,25 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     bar.finish_and_clear();
     let findings = if options.cases_only { Vec::new() } else { findings(common.seed)? };
     let seconds = started.elapsed().as_secs_f64();
+    let cases: Vec<Value> = results.iter().map(|(case, fit)| case_json(case, fit)).collect();
+    let findings_json: Vec<Value> = findings
+        .iter()
+        .map(|finding| {
+            json!({ "question": finding.question, "setting": finding.setting,
+                    "median_error_percent": finding.median, "worst_error_percent": finding.worst })
+        })
+        .collect();
+    let result = json!({
+        "schema": SCHEMA, "cases": cases, "findings": findings_json, "seconds": seconds, "seed": common.seed,
+        "config": { "version": env!("CARGO_PKG_VERSION"), "data": if options.lf_data { "lf" } else { "hf" },
+                    "samples": SAMPLES, "plant_step_s": PLANT_STEP, "channels": ["lvdt_m", "current_mA"] },
+    });
+    if let Some(path) = output::out_path(common, "reproduce.json") {
+        output::write_file(&path, serde_json::to_string_pretty(&result).map_err(Failure::other)?.as_bytes())?;
+        output::log(common, &format!("wrote {}", path.display()));
+    }
     if common.json {
-        let cases: Vec<Value> = results.iter().map(|(case, fit)| case_json(case, fit)).collect();
-        let findings: Vec<Value> = findings
-            .iter()
-            .map(|finding| {
-                json!({ "question": finding.question, "setting": finding.setting,
-                        "median_error_percent": finding.median, "worst_error_percent": finding.worst })
-            })
-            .collect();
-        return output::print_json(&json!({
-            "schema": SCHEMA, "cases": cases, "findings": findings, "seconds": seconds, "seed": common.seed,
-            "config": { "version": env!("CARGO_PKG_VERSION"), "data": if options.lf_data { "lf" } else { "hf" },
-                        "samples": SAMPLES, "plant_step_s": PLANT_STEP, "channels": ["lvdt_m", "current_mA"] },
-        }));
+        return output::print_json(&result);
     }
     print_cases(&results)?;
     if !findings.is_empty() {

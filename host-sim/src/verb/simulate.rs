@@ -4,13 +4,14 @@ use crate::cli::Common;
 use crate::failure::Failure;
 use crate::output;
 use crate::plant::{self, Excitation, Sensing};
-use crate::record::{read_csv, write_csv};
+use crate::record::read_csv;
 use crate::rig::{channel_named, parameter_named, unknown};
 use clap::ValueEnum;
 use eha_monitor::channel::{Channel, ChannelRole};
 use eha_monitor::command::{COMMANDS, Command, CommandInfo, cosine_of_turns, sine_of_turns};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::model::Drive;
+use serde_json::{Map, Value, json};
 use std::path::PathBuf;
 
 /// Which model makes the data.
@@ -32,7 +33,7 @@ pub struct Options {
     #[arg(long, default_value = "chirp", value_name = "NAME|FILE.csv")]
     command: String,
     /// Amplitude of the command in place of its own, m (ramp: m/s).
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
     amplitude: Option<f64>,
     /// Frequency of the command in place of its own, Hz (chirp: at its start).
     #[arg(long, value_name = "HZ")]
@@ -73,15 +74,18 @@ pub struct Options {
     /// Measured channels to write; all by default.
     #[arg(long, value_delimiter = ',', value_name = "CHANNEL")]
     channels: Vec<String>,
-    /// Where to write the record; stdout by default.
+    /// Where to write the record; `record.csv` in the directory of `--out` by default, else stdout.
     #[arg(long, short, value_name = "REC.csv")]
     output: Option<PathBuf>,
 }
 
+/// Most samples of a simulated record.
+const MAX_SAMPLES: f64 = 1e7;
+
 /// Runs the verb.
 ///
 /// # Errors
-/// Usage: an unknown name or a value out of range.
+/// Usage: an unknown name or a value out of range, or options that make no record (too short, or nothing moves).
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let mut rig = super::rig(common, super::DEFAULT_RIG)?;
     if options.model == Fidelity::Hf && rig.form.drive == Drive::Valve {
@@ -115,7 +119,8 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     if !(0.0..1.0).contains(&options.dropout) {
         return Err(Failure::usage(format!("--dropout {}: expected 0 to below 1", options.dropout)));
     }
-    let record = plant::record("simulation", rig.form, &excitation, &outputs, &sensing, common.seed)?;
+    let record = plant::record("simulation", rig.form, &excitation, &outputs, &sensing, common.seed)
+        .map_err(|failure| Failure::usage(format!("these options make no record: {failure}")))?;
     let record = if options.channels.is_empty() { record } else { keep(&record, &options.channels)? };
     let mut comments = vec![
         format!("host-sim {} simulate, seed {}", env!("CARGO_PKG_VERSION"), common.seed),
@@ -132,12 +137,25 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
             comments.push(format!("{what} of {} = {value} {}", channel.info().column, channel.info().unit));
         }
     }
-    let mut text = Vec::new();
-    write_csv(&record, &comments, &mut text).map_err(Failure::other)?;
-    match &options.output {
-        Some(path) => output::write_file(path, &text),
-        None => output::print(String::from_utf8_lossy(&text).trim_end()),
-    }
+    let path = options.output.clone().or_else(|| output::out_path(common, output::RECORD_FILE));
+    let config = json!({
+        "rig": rig.name,
+        "model": format!("{:?}", options.model),
+        "parameters": rig.changed().into_iter().map(|(parameter, value)| (parameter.info().name.to_owned(), json!(value))).collect::<Map<_, _>>(),
+        "command": options.command,
+        "step_s": options.step,
+        "dropout": options.dropout,
+        "noise": channel_json(&sensing.noise),
+        "quantum": channel_json(&sensing.quantum),
+    });
+    output::record(common, &record, &comments, path.as_deref(), config)
+}
+
+fn channel_json(list: &[(Channel, f64)]) -> Value {
+    list.iter()
+        .map(|(channel, value)| (channel.info().column.to_owned(), json!(value)))
+        .collect::<Map<_, _>>()
+        .into()
 }
 
 fn set(
@@ -213,7 +231,13 @@ fn excitation(options: &Options, drive: Drive) -> Result<Excitation, Failure> {
     let mut excitation = match from_name {
         Some(info) => {
             let period = positive("period", options.period)?;
-            let samples = (positive("duration", options.duration)? / period).round() as usize + 1;
+            let samples = (positive("duration", options.duration)? / period).round() + 1.0;
+            if samples > MAX_SAMPLES {
+                return Err(Failure::usage(format!(
+                    "--duration {} at --period {period}: {samples:e} samples, expected at most {MAX_SAMPLES:e}",
+                    options.duration
+                )));
+            }
             let mut command = Command::<f64>::new(info);
             command.amplitude = options.amplitude.unwrap_or(command.amplitude);
             command.frequency = options.frequency.unwrap_or(command.frequency);
@@ -222,7 +246,7 @@ fn excitation(options: &Options, drive: Drive) -> Result<Excitation, Failure> {
                 positive("sweep", options.sweep.unwrap_or(if info.sweep > 0.0 { info.sweep } else { 1.0 }))?;
             Excitation {
                 sample_period: period,
-                command: (0..samples).map(|sample| command.at(sample as f64 * period)).collect(),
+                command: (0..samples as usize).map(|sample| command.at(sample as f64 * period)).collect(),
                 load: Vec::new(),
                 drive: Vec::new(),
             }
