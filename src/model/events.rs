@@ -198,10 +198,10 @@ impl<T: Real> Model<T> {
                 side::<T>(mode.feedback_play) * self.affine_rate(mode, z, input, T::ONE).spool
             };
         }
-        if self.form.feedback == super::Feedback::User {
-            let half = self.half_backlash();
+        let half = self.half_backlash();
+        if self.form.feedback == super::Feedback::User && half > T::ZERO {
             guards[USER_PLAY - LOOP_GUARDS] = if mode.user_play == 0 {
-                if half > T::ZERO { (half - (z.ram - z.fed_back_user).magnitude()) / half } else { -T::ONE }
+                (half - z.user_gap.magnitude()) / half
             } else {
                 side::<T>(mode.user_play) * z.ram_velocity
             };
@@ -291,9 +291,9 @@ impl<T: Real> Model<T> {
             }
             USER_PLAY => {
                 if mode.user_play != 0 {
-                    z.fed_back_user = in_contact(z.ram, side(mode.user_play), self.half_backlash());
+                    z.user_gap = -side::<T>(mode.user_play) * self.half_backlash();
                 }
-                mode.user_play = toggled(mode.user_play, z.ram - z.fed_back_user);
+                mode.user_play = toggled(mode.user_play, -z.user_gap);
             }
             _ => mode.step_load = 1,
         }

@@ -2,7 +2,7 @@
 
 use super::fluid::Fluid;
 use super::state::{Input, Mode, State, side};
-use super::{Drive, Model, SAG_LAG};
+use super::{Drive, Feedback, Model, SAG_LAG};
 use crate::scalar::Real;
 
 impl<T: Real> Model<T> {
@@ -47,8 +47,8 @@ impl<T: Real> Model<T> {
         if mode.feedback_play != 0 {
             middle.sensed_spool += middle.spool - z.spool;
         }
-        if mode.user_play != 0 {
-            middle.fed_back_user += middle.ram - z.ram;
+        if mode.user_play == 0 && self.form.feedback == Feedback::User {
+            middle.user_gap = z.user_gap - (middle.ram - z.ram);
         }
         let mut end = *z;
         self.step_jack(mode, z, &mut middle, &mut end, &middle_input, step);
@@ -71,8 +71,8 @@ impl<T: Real> Model<T> {
         if mode.feedback_play != 0 {
             end.sensed_spool = z.sensed_spool + (end.spool - z.spool);
         }
-        if mode.user_play != 0 {
-            end.fed_back_user = z.fed_back_user + (end.ram - z.ram);
+        if mode.user_play == 0 && self.form.feedback == Feedback::User {
+            end.user_gap = z.user_gap - (end.ram - z.ram);
         }
         end
     }

@@ -145,13 +145,18 @@ impl<T: Real> Model<T> {
 
     /// The state of rest with the ram at a position, valve centred, every play in the middle of its gap.
     pub fn at_rest(&self, ram: T) -> State<T> {
-        State { ram, fed_back_user: ram, ..State::default() }
+        State { ram, ..State::default() }
     }
 
     /// The mode of the state of rest.
     pub fn mode_at_rest(&self) -> Mode {
-        // The first-order valve has no friction: its spool is always free.
-        Mode { spool: i8::from(self.form.valve == ValveForm::FirstOrder), ..Mode::default() }
+        Mode {
+            // The first-order valve has no friction: its spool is always free.
+            spool: i8::from(self.form.valve == ValveForm::FirstOrder),
+            // A backlash of no width is always in contact.
+            user_play: i8::from(self.form.feedback == Feedback::User && self.parameters.bkl == T::ZERO),
+            ..Mode::default()
+        }
     }
 
     /// Position that the controller sees, m.
@@ -159,7 +164,7 @@ impl<T: Real> Model<T> {
     fn fed_back(&self, z: &State<T>) -> T {
         match self.form.feedback {
             Feedback::Ram => z.ram + z.ram_rest,
-            Feedback::User => z.fed_back_user,
+            Feedback::User => (z.ram + z.user_gap) + z.ram_rest,
         }
     }
 
@@ -296,8 +301,8 @@ impl<T: Real> Model<T> {
         if mode.feedback_play != 0 {
             rate.sensed_spool = rate.spool;
         }
-        if mode.user_play != 0 {
-            rate.fed_back_user = velocity;
+        if mode.user_play == 0 && self.form.feedback == Feedback::User {
+            rate.user_gap = -velocity;
         }
         if self.fluid.is_compressible() && mode.pressure == 0 {
             let opening = self.spool.opening(z.spool, side(mode.overlap), one);

@@ -22,8 +22,8 @@ pub struct State<T> {
     pub held_current: T,
     /// Spool position that the feedback spring feels, behind its play, m.
     pub sensed_spool: T,
-    /// User position where it is fed back (behind the backlash), m.
-    pub fed_back_user: T,
+    /// User minus ram where the user is fed back (behind the backlash), m: a difference, so that `f32` loses nothing.
+    pub user_gap: T,
     /// Differential pressure `P12` where the oil is compressible, Pa.
     pub pressure: T,
     /// Supply ratio `k` minus 1, lagged, where the supply sags.
@@ -57,7 +57,7 @@ impl<T: Real> State<T> {
             self.integral,
             self.held_current,
             self.sensed_spool,
-            self.fed_back_user,
+            self.user_gap,
             self.pressure,
             self.sag,
         ]
@@ -75,7 +75,7 @@ impl<T: Real> State<T> {
             integral,
             held_current,
             sensed_spool,
-            fed_back_user,
+            user_gap,
             pressure,
             sag,
         ] = values;
@@ -88,7 +88,7 @@ impl<T: Real> State<T> {
             integral,
             held_current,
             sensed_spool,
-            fed_back_user,
+            user_gap,
             pressure,
             sag,
             ram_rest: T::ZERO,
