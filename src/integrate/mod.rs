@@ -136,7 +136,7 @@ pub trait Stepper<T: Real> {
 
 /// Advances a run by one sample.
 ///
-/// `observe` is called with the ram position at every turning point and at the end of the sample, in order of time:
+/// `observe` is called with the ram position over ground at every turning point and at the end of the sample, in order of time:
 /// what a rate-independent operator behind the ram needs to see. Bounded: at most `2 * units` steps of the stepper
 /// and [`EVENTS_PER_STEP`] parts for each of its finest steps.
 #[inline]
@@ -169,7 +169,7 @@ pub fn advance<T: Real, S: Stepper<T>>(
             run.state = state;
             run.guards = guards;
         }
-        observe(run.state.ram);
+        observe(run.state.ground());
         position += size;
         while level < S::TOP && position.is_multiple_of(4 << (2 * level)) {
             level += 1;
@@ -214,7 +214,7 @@ fn cross<T: Real, S: Stepper<T>>(
         run.state = state;
         run.steps += 3;
         run.events += 1;
-        observe(run.state.ram);
+        observe(run.state.ground());
         model.switch(index, &mut run.mode, &mut run.state, &input);
         run.guards = Guards::at(model, &run.mode, &run.state, &input, segment.time + now);
         stepper.enter(model, &run.mode);

@@ -11,8 +11,8 @@ use crate::scalar::Real;
 
 /// Number of guards of the plain loop.
 pub const LOOP_GUARDS: usize = 8;
-/// Number of guards of plays, dead zone, integral limit and step load.
-pub const EXTRA_GUARDS: usize = 6;
+/// Number of guards of plays, dead zone, integral limit, step load and mount.
+pub const EXTRA_GUARDS: usize = 7;
 
 const CURRENT: usize = 0;
 const FLAPPER: usize = 1;
@@ -28,6 +28,8 @@ const HYSTERESIS: usize = 10;
 const FEEDBACK_PLAY: usize = 11;
 const USER_PLAY: usize = 12;
 const STEP_LOAD: usize = 13;
+/// Nothing changes but the direction: what lies behind the ram sees the turning point.
+const GROUND: usize = 14;
 
 /// How far a limit may be passed by rounding, relative to the limit.
 const LIMIT_TOLERANCE: f64 = 1e-5;
@@ -68,7 +70,7 @@ impl<T: Real> Model<T> {
     #[inline(always)]
     fn drive_at_rest(&self, mode: &Mode, z: &State<T>, input: &Input<T>) -> T {
         let pressure = self.pressure(mode, &State { ram_velocity: T::ZERO, ..*z });
-        self.jack.drive(pressure, z.ram, input.force, mode.step_load != 0, T::ONE)
+        self.jack.drive(pressure, z, input.force, mode.step_load != 0, T::ONE)
     }
 
     /// The guards of the plain loop.
@@ -164,7 +166,7 @@ impl<T: Real> Model<T> {
         }
     }
 
-    /// The guards of plays, dead zone, integral limit and step load; `time` is since the start of the record, s.
+    /// The guards of plays, dead zone, integral limit, step load and mount; `time` is since the start of the record, s.
     pub fn extra_guards(&self, mode: &Mode, z: &State<T>, input: &Input<T>, time: T) -> [T; EXTRA_GUARDS] {
         let mut guards = [T::ONE; EXTRA_GUARDS];
         if self.spool.overlap != T::ZERO {
@@ -198,12 +200,15 @@ impl<T: Real> Model<T> {
                 side::<T>(mode.feedback_play) * self.affine_rate(mode, z, input, T::ONE).spool
             };
         }
+        if self.jack.is_mounted() {
+            guards[GROUND - LOOP_GUARDS] = side::<T>(mode.ground) * z.ground_velocity();
+        }
         let half = self.half_backlash();
         if self.form.feedback == super::Feedback::User && half > T::ZERO {
             guards[USER_PLAY - LOOP_GUARDS] = if mode.user_play == 0 {
                 (half - z.user_gap.magnitude()) / half
             } else {
-                side::<T>(mode.user_play) * z.ram_velocity
+                side::<T>(mode.user_play) * z.ground_velocity()
             };
         }
         guards
@@ -295,6 +300,7 @@ impl<T: Real> Model<T> {
                 }
                 mode.user_play = toggled(mode.user_play, -z.user_gap);
             }
+            GROUND => mode.ground = -mode.ground,
             _ => mode.step_load = 1,
         }
     }

@@ -44,11 +44,14 @@ impl<T: Real> Model<T> {
         if mode.jack_slides() {
             middle.ram += half * z.ram_velocity;
         }
+        if self.jack.is_mounted() {
+            middle.base += half * z.base_velocity;
+        }
         if mode.feedback_play != 0 {
             middle.sensed_spool += middle.spool - z.spool;
         }
         if mode.user_play == 0 && self.form.feedback == Feedback::User {
-            middle.user_gap = z.user_gap - (middle.ram - z.ram);
+            middle.user_gap = z.user_gap - (middle.ground() - z.ground());
         }
         let mut end = *z;
         self.step_jack(mode, z, &mut middle, &mut end, &middle_input, step);
@@ -72,7 +75,7 @@ impl<T: Real> Model<T> {
             end.sensed_spool = z.sensed_spool + (end.spool - z.spool);
         }
         if mode.user_play == 0 && self.form.feedback == Feedback::User {
-            end.user_gap = z.user_gap - (end.ram - z.ram);
+            end.user_gap = z.user_gap - (end.ground() - z.ground());
         }
         end
     }
@@ -88,6 +91,7 @@ impl<T: Real> Model<T> {
         step: T,
     ) {
         let half = step * T::literal(0.5);
+        let step_load_on = mode.step_load != 0;
         let fluid = self.fluid_now(z);
         let opening = self.spool.opening(middle.spool, side(mode.overlap), T::ONE);
         if fluid.is_compressible() && mode.pressure == 0 {
@@ -95,14 +99,14 @@ impl<T: Real> Model<T> {
         }
         if mode.jack_slides() {
             let direction = side(mode.jack);
-            let constant = self.jack.drive(T::ZERO, middle.ram, input.force, mode.step_load != 0, T::ONE)
-                + self.jack.coulomb(direction);
+            let (drive, inertia) = self.jack.midpoint_drive(z, middle, input.force, step_load_on, half);
+            let constant = drive + self.jack.coulomb(direction);
             let mut velocity = z.ram_velocity;
             // The curved forces need a velocity at the middle of the step: guess it, then use the guess.
             let passes = if self.jack.is_affine() { 1 } else { 2 };
             for _ in 0..passes {
                 let force = constant + self.jack.curved_force(velocity, direction);
-                let (line, compliance) = self.jack.midpoint_line(force, z.ram_velocity, step);
+                let (line, compliance) = self.jack.midpoint_line(force, inertia, z.ram_velocity, half);
                 let pressure = if self.form.drive == Drive::Force {
                     T::ZERO
                 } else if fluid.is_compressible() {
@@ -115,6 +119,11 @@ impl<T: Real> Model<T> {
             middle.ram_velocity = velocity;
             end.ram_velocity = velocity + velocity - z.ram_velocity;
             end.move_ram(step * velocity);
+        }
+        if self.jack.is_mounted() {
+            let acceleration = (end.ram_velocity - z.ram_velocity) / step;
+            self.jack.move_base(z, middle, end, input.force, step_load_on, acceleration, half);
+            middle.base_velocity = (z.base_velocity + end.base_velocity) * T::literal(0.5);
         }
         if fluid.is_compressible() && mode.pressure == 0 {
             end.pressure =
@@ -147,7 +156,7 @@ impl<T: Real> Model<T> {
         }
         if mode.hysteresis != 0 && mode.current == 0 {
             // The acceleration is left out: with a rate gain the play is then first order only.
-            let velocity = self.fed_back_rate(mode, z.ram_velocity);
+            let velocity = self.fed_back_rate(mode, z.ground_velocity());
             point.held_current_rate = self.controller.demand_rate(input, self.fed_back(z), velocity, T::ZERO);
         }
         point

@@ -134,11 +134,12 @@ impl<T: Real> Model<T> {
             && self.pilot.feedback_play == T::ZERO
             && self.form.feedback == Feedback::Ram
             && !self.fluid.is_compressible()
-            && self.parameters.supply_sag == T::ZERO;
+            && self.parameters.supply_sag == T::ZERO
+            && !self.jack.is_mounted();
         if base { BASE_ORDER } else { FULL_ORDER }
     }
 
-    /// Has the model guards beyond those of the plain loop (plays, overlap, integral limit, step load)?
+    /// Has the model guards beyond those of the plain loop (plays, overlap, integral limit, step load, mount)?
     pub fn has_extra_guards(&self) -> bool {
         self.order() == FULL_ORDER || self.spool.overlap != T::ZERO || self.jack.has_step_load()
     }
@@ -155,6 +156,7 @@ impl<T: Real> Model<T> {
             spool: i8::from(self.form.valve == ValveForm::FirstOrder),
             // A backlash of no width is always in contact.
             user_play: i8::from(self.form.feedback == Feedback::User && self.parameters.bkl == T::ZERO),
+            ground: i8::from(self.jack.is_mounted()),
             ..Mode::default()
         }
     }
@@ -163,8 +165,8 @@ impl<T: Real> Model<T> {
     #[inline(always)]
     fn fed_back(&self, z: &State<T>) -> T {
         match self.form.feedback {
-            Feedback::Ram => z.ram + z.ram_rest,
-            Feedback::User => (z.ram + z.user_gap) + z.ram_rest,
+            Feedback::Ram => z.ground() + z.ram_rest,
+            Feedback::User => (z.ground() + z.user_gap) + z.ram_rest,
         }
     }
 
@@ -180,7 +182,7 @@ impl<T: Real> Model<T> {
     /// Current before its limit, mA.
     #[inline(always)]
     pub fn demand(&self, mode: &Mode, z: &State<T>, input: &Input<T>) -> T {
-        let velocity = self.fed_back_rate(mode, z.ram_velocity);
+        let velocity = self.fed_back_rate(mode, z.ground_velocity());
         self.controller.demand(input, self.fed_back(z), velocity, z.integral)
     }
 
@@ -268,16 +270,21 @@ impl<T: Real> Model<T> {
         let pressure = self.linear_pressure(mode, z, one);
         let direction = side(mode.jack);
         let (velocity, acceleration) = if mode.jack_slides() {
-            let drive = self.jack.drive(pressure, z.ram, input.force, mode.step_load != 0, one);
+            let drive = self.jack.drive(pressure, z, input.force, mode.step_load != 0, one);
             (z.ram_velocity, self.jack.affine_acceleration(drive, z.ram_velocity, direction, one))
         } else {
             (T::ZERO, T::ZERO)
         };
         let mut rate = State { ram: velocity, ram_velocity: acceleration, ..State::default() };
+        if self.jack.is_mounted() {
+            rate.base = z.base_velocity;
+            rate.base_velocity =
+                self.jack.base_acceleration(z, input.force, mode.step_load != 0, acceleration, one);
+        }
         if self.form.drive == Drive::Force {
             return rate;
         }
-        let seen_velocity = self.fed_back_rate(mode, z.ram_velocity);
+        let seen_velocity = self.fed_back_rate(mode, z.ground_velocity());
         let demand = self.controller.demand(input, self.fed_back(z), seen_velocity, z.integral);
         let current = self.controller.current(mode.current, demand, one);
         let motor_current = self.motor_current(mode, z, current, one);
@@ -294,7 +301,7 @@ impl<T: Real> Model<T> {
             rate.integral = input.command - self.fed_back(z);
         }
         if mode.hysteresis != 0 && mode.current == 0 {
-            let seen_acceleration = self.fed_back_rate(mode, acceleration);
+            let seen_acceleration = self.fed_back_rate(mode, acceleration + rate.base_velocity);
             rate.held_current =
                 self.controller.demand_rate(input, self.fed_back(z), seen_velocity, seen_acceleration);
         }
@@ -302,7 +309,7 @@ impl<T: Real> Model<T> {
             rate.sensed_spool = rate.spool;
         }
         if mode.user_play == 0 && self.form.feedback == Feedback::User {
-            rate.user_gap = -velocity;
+            rate.user_gap = -(velocity + rate.base);
         }
         if self.fluid.is_compressible() && mode.pressure == 0 {
             let opening = self.spool.opening(z.spool, side(mode.overlap), one);

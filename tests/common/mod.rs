@@ -10,7 +10,7 @@ use eha_monitor::model::{Feedback, Form, Model, ValveForm};
 use eha_monitor::parameter::Parameters;
 use eha_monitor::scalar::Real;
 use eha_monitor::simulate::Actuator;
-use reference_plant::{DEFAULT_STEP, Effects, Plant, Valve};
+use reference_plant::{DEFAULT_STEP, Effects, Mount, Plant, Valve};
 
 /// Sample period of every test, s.
 pub(crate) const PERIOD: f64 = 1e-3;
@@ -165,6 +165,11 @@ pub(crate) fn plant(rig: &Rig) -> Plant {
         constant_load: p.constant_load,
         step_load: p.step_load,
         step_load_time: p.step_load_time,
+        mount: (p.mount_compliance > 0.0).then(|| {
+            let (stiffness, mass) = (1.0 / p.mount_compliance, p.base_mass);
+            let damping = 2.0 * p.mount_damping * (stiffness * mass).sqrt();
+            Mount { stiffness, damping, mass, in_loop: true }
+        }),
         sensor_offset: p.sensor_offset,
         sensor_gain: p.sensor_gain,
         sensor_lag: p.sensor_lag,
@@ -274,7 +279,10 @@ impl Distance {
 impl std::fmt::Display for Distance {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { user, ram, current, pressure } = self;
-        write!(f, "user {user:9.5} um  ram {ram:9.5} um  current {current:9.6} mA  pressure {pressure:9.4} kPa")
+        write!(
+            f,
+            "user {user:9.5} um  ram {ram:9.5} um  current {current:9.6} mA  pressure {pressure:9.4} kPa"
+        )
     }
 }
 
