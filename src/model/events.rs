@@ -106,8 +106,8 @@ impl<T: Real> Model<T> {
         } else {
             let flapper = self.flapper_guards(mode, z, input, &mut guards);
             guards[FIRST_STAGE] =
-                limit_guard(mode.first_stage, self.pilot.pressure_gain * flapper, self.fluid.supply);
-            let spool_force = self.spool.area * self.first_stage_pressure(mode, flapper, T::ONE);
+                limit_guard(mode.first_stage, self.pilot.pressure_gain * flapper, self.fluid_now(z).supply);
+            let spool_force = self.spool.area * self.first_stage_pressure(mode, z, flapper, T::ONE);
             match mode.spool {
                 0 => guards[SPOOL] = self.spool.breakaway - spool_force.magnitude(),
                 -1 | 1 => {
@@ -149,18 +149,17 @@ impl<T: Real> Model<T> {
     #[inline(always)]
     fn pressure_guard(&self, mode: &Mode, z: &State<T>) -> T {
         let opening = self.spool.opening(z.spool, side(mode.overlap), T::ONE);
+        let fluid = self.fluid_now(z);
         if self.fluid.is_compressible() {
-            let limit =
-                if self.fluid.is_linear() { self.fluid.supply } else { self.fluid.cavitation_limit() };
+            let limit = if self.fluid.is_linear() { fluid.supply } else { fluid.cavitation_limit() };
             if mode.pressure == 0 {
                 limit_guard(0, z.pressure, limit)
             } else {
-                side::<T>(mode.pressure)
-                    * self.fluid_now(z).pressure_rate(opening, z.ram_velocity, z.pressure)
+                side::<T>(mode.pressure) * fluid.pressure_rate(opening, z.ram_velocity, z.pressure)
             }
         } else if self.fluid.is_linear() {
-            let pressure = self.fluid.linear_pressure(opening, z.ram_velocity);
-            limit_guard(mode.pressure, pressure, self.fluid.supply)
+            let pressure = fluid.linear_pressure(opening, z.ram_velocity);
+            limit_guard(mode.pressure, pressure, fluid.supply)
         } else {
             T::ONE
         }
@@ -249,7 +248,7 @@ impl<T: Real> Model<T> {
                 let pressure = if self.fluid.is_compressible() {
                     z.pressure
                 } else {
-                    self.fluid.linear_pressure(opening, z.ram_velocity)
+                    self.fluid_now(z).linear_pressure(opening, z.ram_velocity)
                 };
                 mode.pressure = toggled(mode.pressure, pressure);
             }
@@ -328,7 +327,7 @@ impl<T: Real> Model<T> {
             return;
         }
         let (flapper, ..) = self.flapper_now(mode, z, input);
-        let force = self.spool.area * self.first_stage_pressure(mode, flapper, T::ONE);
+        let force = self.spool.area * self.first_stage_pressure(mode, z, flapper, T::ONE);
         let held = mode.spool_slides() && force.magnitude() <= self.spool.breakaway;
         mode.spool = if held { 0 } else { sign_of(force) };
     }

@@ -80,6 +80,12 @@ impl<T: Real> Model<T> {
         end
     }
 
+    /// Rate of the supply's sag, 1/s.
+    #[inline(always)]
+    fn sag_rate(&self, velocity: T, sag: T) -> T {
+        (-self.parameters.supply_sag * velocity.magnitude() - sag) / T::literal(SAG_LAG)
+    }
+
     /// Advances ram, pressure and supply; leaves the ram's velocity at the middle of the step in `middle`.
     fn step_jack(
         &self,
@@ -92,7 +98,10 @@ impl<T: Real> Model<T> {
     ) {
         let half = step * T::literal(0.5);
         let step_load_on = mode.step_load != 0;
-        let fluid = self.fluid_now(z);
+        if self.parameters.supply_sag != T::ZERO {
+            middle.sag += half * self.sag_rate(z.ram_velocity, z.sag);
+        }
+        let fluid = self.fluid_now(middle);
         let opening = self.spool.opening(middle.spool, side(mode.overlap), T::ONE);
         if fluid.is_compressible() && mode.pressure == 0 {
             middle.pressure = z.pressure + half * fluid.pressure_rate(opening, z.ram_velocity, z.pressure);
@@ -130,11 +139,7 @@ impl<T: Real> Model<T> {
                 z.pressure + step * fluid.pressure_rate(opening, middle.ram_velocity, middle.pressure);
         }
         if self.parameters.supply_sag != T::ZERO {
-            let rate = |velocity: T, sag: T| {
-                (-self.parameters.supply_sag * velocity.magnitude() - sag) / T::literal(SAG_LAG)
-            };
-            let sag = z.sag + half * rate(z.ram_velocity, z.sag);
-            end.sag = z.sag + step * rate(middle.ram_velocity, sag);
+            end.sag = z.sag + step * self.sag_rate(middle.ram_velocity, middle.sag);
         }
     }
 
@@ -154,7 +159,7 @@ impl<T: Real> Model<T> {
         if !self.controller.is_proportional() && mode.integral == 0 {
             point.integral_rate = input.command - self.fed_back(z);
         }
-        if mode.hysteresis != 0 && mode.current == 0 {
+        if self.pilot.hysteresis != T::ZERO && mode.hysteresis != 0 && mode.current == 0 {
             // The acceleration is left out: with a rate gain the play is then first order only.
             let velocity = self.fed_back_rate(mode, z.ground_velocity());
             point.held_current_rate = self.controller.demand_rate(input, self.fed_back(z), velocity, T::ZERO);

@@ -144,6 +144,12 @@ impl<T: Real> Model<T> {
         self.order() == FULL_ORDER || self.spool.overlap != T::ZERO || self.jack.has_step_load()
     }
 
+    /// Do guards jump with the rate of the command?
+    #[inline(always)]
+    pub fn guards_see_command_rate(&self) -> bool {
+        self.pilot.hysteresis != T::ZERO || self.controller.sees_rates()
+    }
+
     /// The state of rest with the ram at a position, valve centred, every play in the middle of its gap.
     pub fn at_rest(&self, ram: T) -> State<T> {
         State { ram, ..State::default() }
@@ -154,7 +160,10 @@ impl<T: Real> Model<T> {
         Mode {
             // The first-order valve has no friction: its spool is always free.
             spool: i8::from(self.form.valve == ValveForm::FirstOrder),
-            // A backlash of no width is always in contact.
+            // A play of no width is always in contact, so that its matrices are those of a play in contact.
+            overlap: i8::from(self.spool.overlap == T::ZERO),
+            hysteresis: i8::from(self.pilot.hysteresis == T::ZERO),
+            feedback_play: i8::from(self.pilot.feedback_play == T::ZERO),
             user_play: i8::from(self.form.feedback == Feedback::User && self.parameters.bkl == T::ZERO),
             ground: i8::from(self.jack.is_mounted()),
             ..Mode::default()
@@ -224,11 +233,11 @@ impl<T: Real> Model<T> {
 
     /// First-stage pressure, Pa, in a mode of its limit.
     #[inline(always)]
-    fn first_stage_pressure(&self, mode: &Mode, flapper: T, one: T) -> T {
+    fn first_stage_pressure(&self, mode: &Mode, z: &State<T>, flapper: T, one: T) -> T {
         if mode.first_stage == 0 {
             self.pilot.pressure_gain * flapper
         } else {
-            side::<T>(mode.first_stage) * self.fluid.supply * one
+            side::<T>(mode.first_stage) * self.fluid_now(z).supply * one
         }
     }
 
@@ -245,7 +254,7 @@ impl<T: Real> Model<T> {
                 side::<T>(mode.flapper) * self.spool.rate_limit * one
             };
         }
-        self.spool.velocity(self.first_stage_pressure(mode, flapper, one), side(mode.spool), one)
+        self.spool.velocity(self.first_stage_pressure(mode, z, flapper, one), side(mode.spool), one)
     }
 
     /// Differential pressure of the linear form, Pa.
@@ -257,7 +266,7 @@ impl<T: Real> Model<T> {
             z.pressure
         } else {
             let opening = self.spool.opening(z.spool, side(mode.overlap), one);
-            self.fluid.limited_pressure(mode.pressure, opening, z.ram_velocity, one)
+            self.fluid_now(z).limited_pressure(mode.pressure, opening, z.ram_velocity, one)
         }
     }
 
