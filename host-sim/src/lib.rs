@@ -1,5 +1,5 @@
 //! Host program around the `eha-monitor` core.
 pub mod emulator;
-pub mod record;
 pub mod failure;
+pub mod record;
 pub mod rig;

@@ -177,7 +177,7 @@ impl<T: Real> Jack<T> {
         })
     }
 
-    /// Moves the base over a step during which the ram has a mean acceleration in its cylinder, m/s^2.
+    /// Moves the base over a step in whose first half the ram's velocity in its cylinder changes by `ram_change`, m/s.
     #[inline(always)]
     pub fn move_base(
         &self,
@@ -186,14 +186,13 @@ impl<T: Real> Jack<T> {
         end: &mut State<T>,
         force: T,
         step_load_on: bool,
-        ram_acceleration: T,
+        ram_change: T,
         half: T,
     ) {
         if let Some(mount) = self.mount {
             let outer = self.outer_force(middle.ground(), force, step_load_on, T::ONE);
             let (start, gain) = mount.at_middle(z, half);
-            let change =
-                half * (outer - start - mount.load_mass * ram_acceleration) / (mount.total_mass + gain);
+            let change = (half * (outer - start) - mount.load_mass * ram_change) / (mount.total_mass + gain);
             end.base_velocity = z.base_velocity + change + change;
             end.base = z.base + (half + half) * (z.base_velocity + change);
         }

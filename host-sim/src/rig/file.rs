@@ -141,7 +141,11 @@ fn parse(text: &str) -> Result<Rig, Failure> {
     }
     for table in file.effect.into_iter().flatten() {
         let Some(effect) = EffectInfo::named(&table.name) else {
-            return Err(Failure::usage(unknown("effect", &table.name, EFFECTS.iter().map(|entry| entry.name))));
+            return Err(Failure::usage(unknown(
+                "effect",
+                &table.name,
+                EFFECTS.iter().map(|entry| entry.name),
+            )));
         };
         rig.effects.push(effect);
     }
@@ -149,7 +153,10 @@ fn parse(text: &str) -> Result<Rig, Failure> {
 }
 
 fn ranges(tables: Vec<RangeTable>) -> Result<Vec<Range>, Failure> {
-    tables.into_iter().map(|table| Range::new(parameter_named(&table.name)?, table.lower, table.upper)).collect()
+    tables
+        .into_iter()
+        .map(|table| Range::new(parameter_named(&table.name)?, table.lower, table.upper))
+        .collect()
 }
 
 /// The text of a rig file that [`read`] turns into the same rig, with each parameter's meaning beside it.
@@ -159,11 +166,14 @@ pub fn write(rig: &Rig, comments: &[String]) -> String {
         let _ = writeln!(text, "# {comment}");
     }
     let quoted = |value: String| toml::Value::String(value).to_string();
-    let kebab = |value: Result<toml::Value, toml::ser::Error>| value.map_or_else(|_| String::new(), |value| value.to_string());
+    let kebab = |value: Result<toml::Value, toml::ser::Error>| {
+        value.map_or_else(|_| String::new(), |value| value.to_string())
+    };
     let _ = writeln!(text, "name = {}", quoted(rig.name.clone()));
     let _ = writeln!(text, "base = \"eha\"\n\n[model]");
     let _ = writeln!(text, "valve = {}", kebab(toml::Value::try_from(ValveName::from(rig.form.valve))));
-    let _ = writeln!(text, "feedback = {}", kebab(toml::Value::try_from(FeedbackName::from(rig.form.feedback))));
+    let _ =
+        writeln!(text, "feedback = {}", kebab(toml::Value::try_from(FeedbackName::from(rig.form.feedback))));
     let _ = writeln!(text, "drive = {}", kebab(toml::Value::try_from(DriveName::from(rig.form.drive))));
     if let Some(restart) = rig.restart_s {
         let _ = writeln!(text, "restart-s = {restart:?}");
@@ -171,7 +181,8 @@ pub fn write(rig: &Rig, comments: &[String]) -> String {
     let _ = writeln!(text, "\n[parameters]");
     for (parameter, value) in rig.changed() {
         let info = parameter.info();
-        let _ = writeln!(text, "{} = {value:?} # {} {}, {}", info.name, info.symbol, info.unit, info.description);
+        let _ =
+            writeln!(text, "{} = {value:?} # {} {}, {}", info.name, info.symbol, info.unit, info.description);
     }
     let _ = writeln!(text, "\n[noise]");
     for (channel, noise) in &rig.noise {
