@@ -78,7 +78,7 @@ fn problem<'a>(records: &'a [Record<'a, f64>], noise: Noise<f64>) -> Problem<'a,
 
 /// The whole identification from a seed.
 fn identify(problem: &Problem<'_, f64>, seed: u64) -> (Found, StopReason, u32) {
-    let mut steppers = [Stepper::new()];
+    let mut steppers = vec![Stepper::new()];
     let mut identification = Identification::<f64, 2, 20>::new(problem, Settings::default(), seed);
     let reason = identification.run(problem, &mut steppers);
     (*identification.result().expect("a finish was made"), reason, identification.evaluations())
@@ -87,7 +87,7 @@ fn identify(problem: &Problem<'_, f64>, seed: u64) -> (Found, StopReason, u32) {
 /// The finish alone, from a place near the truth.
 fn polish(problem: &Problem<'_, f64>, near: [f64; 2]) -> Found {
     let genes = [FREE[0].gene(near[0]), FREE[1].gene(near[1])];
-    gauss_newton::finish(problem, &genes, &gauss_newton::Settings::default(), &mut [Stepper::new()])
+    gauss_newton::finish(problem, &genes, &gauss_newton::Settings::default(), &mut vec![Stepper::new()])
 }
 
 /// Estimates and their standard errors, in the parameters' units.
