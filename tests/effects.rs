@@ -12,7 +12,7 @@ use eha_monitor::parameter::Parameter as P;
 use eha_monitor::parameter::{PARAMETERS, Reach};
 
 /// Samples compared.
-const SAMPLES: usize = 450;
+const SAMPLES: usize = 320;
 const VALVES: [ValveForm; 3] = [ValveForm::TwoStage, ValveForm::StaticFlapper, ValveForm::FirstOrder];
 const FEEDBACKS: [Feedback; 2] = [Feedback::Ram, Feedback::User];
 

@@ -87,7 +87,8 @@ fn identify(problem: &Problem<'_, f64>, seed: u64) -> (Found, StopReason, u32) {
 /// The finish alone, from a place near the truth.
 fn polish(problem: &Problem<'_, f64>, near: [f64; 2]) -> Found {
     let genes = [FREE[0].gene(near[0]), FREE[1].gene(near[1])];
-    gauss_newton::finish(problem, &genes, &gauss_newton::Settings::default(), &mut vec![Stepper::new()])
+    let mut steppers = vec![Stepper::new()];
+    gauss_newton::finish(problem, &genes, &gauss_newton::Settings::default(), &mut steppers)
 }
 
 /// Estimates and their standard errors, in the parameters' units.

@@ -177,7 +177,7 @@ impl<T: Real> Jack<T> {
         })
     }
 
-    /// Moves the base over a step in whose first half the ram's velocity in its cylinder changes by `ram_change`, m/s.
+    /// Moves the base over a step that has given `end` its ram velocity.
     #[inline(always)]
     pub fn move_base(
         &self,
@@ -186,12 +186,12 @@ impl<T: Real> Jack<T> {
         end: &mut State<T>,
         force: T,
         step_load_on: bool,
-        ram_change: T,
         half: T,
     ) {
         if let Some(mount) = self.mount {
             let outer = self.outer_force(middle.ground(), force, step_load_on, T::ONE);
             let (start, gain) = mount.at_middle(z, half);
+            let ram_change = (end.ram_velocity - z.ram_velocity) * T::literal(0.5);
             let change = (half * (outer - start) - mount.load_mass * ram_change) / (mount.total_mass + gain);
             end.base_velocity = z.base_velocity + change + change;
             end.base = z.base + (half + half) * (z.base_velocity + change);

@@ -130,8 +130,7 @@ impl<T: Real> Model<T> {
             end.move_ram(step * velocity);
         }
         if self.jack.is_mounted() {
-            let change = (end.ram_velocity - z.ram_velocity) * T::literal(0.5);
-            self.jack.move_base(z, middle, end, input.force, step_load_on, change, half);
+            self.jack.move_base(z, middle, end, input.force, step_load_on, half);
             middle.base_velocity = (z.base_velocity + end.base_velocity) * T::literal(0.5);
         }
         if fluid.is_compressible() && mode.pressure == 0 {
