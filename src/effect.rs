@@ -145,6 +145,13 @@ pub const EFFECTS: &[EffectInfo] = &[
         &[100.0, 0.1],
     ),
     entry("load-mass", Port::Force, "MJ v'", &[Parameter::LoadMass], &[10.0]),
+    entry(
+        "mount-compliance",
+        Port::Force,
+        "mb xb'' + cb xb' + k xb = -(AJ P12 - CJ v - friction); loop and LVDT see x + xb",
+        &[Parameter::MountCompliance, Parameter::MountDamping],
+        &[2e-8, 0.05],
+    ),
     entry("sensor-offset", Port::Sensor, "lvdt = x_user + o", &[Parameter::SensorOffset], &[1e-5]),
     entry("sensor-gain", Port::Sensor, "lvdt = (1 + g) x_user", &[Parameter::SensorGain], &[2e-3]),
     entry("sensor-lag", Port::Sensor, "tau lvdt' + lvdt = x_user", &[Parameter::SensorLag], &[1e-4]),
