@@ -55,11 +55,31 @@ const fn entry(
 /// Every effect that the model can have beyond its declared faults.
 pub const EFFECTS: &[EffectInfo] = &[
     entry("valve-offset", Port::Valve, "F = GM (Cor + Ofs)", &[Parameter::CurrentOffset]),
-    entry("torque-motor-hysteresis", Port::Valve, "F = GM play(Cor, His)", &[Parameter::TorqueMotorHysteresis]),
-    entry("torque-motor-gain", Port::Valve, "F = GM Cor, GM not the rated one", &[Parameter::TorqueMotorGain]),
-    entry("feedback-play", Port::Valve, "feedback spring force KSF play(XS, gioco)", &[Parameter::FeedbackPlay]),
+    entry(
+        "torque-motor-hysteresis",
+        Port::Valve,
+        "F = GM play(Cor, His)",
+        &[Parameter::TorqueMotorHysteresis],
+    ),
+    entry(
+        "torque-motor-gain",
+        Port::Valve,
+        "F = GM Cor, GM not the rated one",
+        &[Parameter::TorqueMotorGain],
+    ),
+    entry(
+        "feedback-play",
+        Port::Valve,
+        "feedback spring force KSF play(XS, gioco)",
+        &[Parameter::FeedbackPlay],
+    ),
     entry("filter-clogging", Port::Valve, "GQF (1 - Kint)", &[Parameter::FilterClogging]),
-    entry("spool-friction", Port::Valve, "friction of the spool FSS, sliding FSS/FSDS", &[Parameter::SpoolFriction]),
+    entry(
+        "spool-friction",
+        Port::Valve,
+        "friction of the spool FSS, sliding FSS/FSDS",
+        &[Parameter::SpoolFriction],
+    ),
     entry("spool-overlap", Port::Fluid, "dead zone of half width OVL on XS", &[Parameter::SpoolOverlap]),
     entry(
         "turbulent-metering",
@@ -77,12 +97,7 @@ pub const EFFECTS: &[EffectInfo] = &[
         "P12' = 4 beta/Vt (Q - AJ v - Clk P12), Vt = 2 AJ XJM",
         &[Parameter::OilCompliance],
     ),
-    entry(
-        "stribeck",
-        Port::Force,
-        "FDJ + (FSD-1) FDJ exp(-abs(v)/vs)",
-        &[Parameter::StribeckVelocity],
-    ),
+    entry("stribeck", Port::Force, "FDJ + (FSD-1) FDJ exp(-abs(v)/vs)", &[Parameter::StribeckVelocity]),
     entry("friction-asymmetry", Port::Force, "friction (1 + a sgn v)", &[Parameter::FrictionAsymmetry]),
     entry("viscous-friction", Port::Force, "CJ v", &[Parameter::ViscousFriction]),
     entry("quadratic-drag", Port::Force, "c2 v abs(v)", &[Parameter::QuadraticDrag]),

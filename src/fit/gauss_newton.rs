@@ -284,7 +284,7 @@ where
     'steps: for _ in 0..settings.steps {
         for attempt in 0..6 {
             let Some((moved, promised)) = normal.step(&here, damping, active) else {
-                damping = damping * T::literal(100.0);
+                damping *= T::literal(100.0);
                 continue;
             };
             if promised <= settings.tolerance {
@@ -296,7 +296,7 @@ where
             if next.misfit.chi_square < normal.misfit.chi_square {
                 here = moved;
                 normal = next;
-                damping = damping * T::literal(0.1);
+                damping *= T::literal(0.1);
                 continue 'steps;
             }
             damping = damping.larger(T::literal(1e-3)) * T::literal(10.0);

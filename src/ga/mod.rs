@@ -155,7 +155,7 @@ impl<T: Real, const GENES: usize, const SIZE: usize> SteadyState<T, GENES, SIZE>
             child[gene] = value.larger(T::ZERO).smaller(T::ONE);
         }
         if self.mutation > T::literal_f32(self.settings.mutation_end) {
-            self.mutation = self.mutation * self.mutation_factor;
+            self.mutation *= self.mutation_factor;
         }
     }
 
