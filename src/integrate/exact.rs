@@ -70,7 +70,7 @@ impl<T: Real, const N: usize, const SLOTS: usize> Exact<T, N, SLOTS> {
         Self {
             sample_period: T::ZERO,
             finest: T::ZERO,
-            units: FINEST_PER_COARSEST,
+            units: 0,
             ladders: [None; SLOTS],
             next: 0,
             slot: 0,
