@@ -2,7 +2,7 @@
 //!
 //! A row gives the field, the symbol of the source, the unit, the default (appendix A of the source; zero or neutral
 //! for what the source does not have), the range in which a value makes sense, and where the quantity acts. The
-//! struct [`Parameters`], the list [`Parameter::ALL`], the rig file, the bounds of a search, the effects and the
+//! struct [`Parameters`], the list [`PARAMETERS`], the rig file, the bounds of a search, the effects and the
 //! printed tables all derive from it.
 
 use crate::scalar::Real;

@@ -46,7 +46,7 @@ impl<T: Real> Controller<T> {
             - (self.derivative + self.velocity) * acceleration
     }
 
-    /// The current that leaves the controller in a mode of its limit; `one` is 1 (see [`super::Model::derivative`]).
+    /// The current that leaves the controller in a mode of its limit; `one` is 1 (see [`super::Model::affine_rate`]).
     #[inline(always)]
     pub fn current(&self, mode: i8, demand: T, one: T) -> T {
         if mode == 0 { demand } else { side::<T>(mode) * self.current_limit * one }
