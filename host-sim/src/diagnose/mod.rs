@@ -31,7 +31,7 @@ const MOST_EFFECTS: usize = 3;
 /// Fall of chi-square that the linear model must foresee for an effect to be fitted: far below what is accepted.
 const PROMISING: f64 = 4.0;
 /// Hypotheses that are grown further.
-const BEAM: usize = 4;
+const BEAM: usize = 3;
 /// Most effects that are fitted for a hypothesis in a round, the most promising first.
 const MOST_FITTED: usize = 10;
 /// Twice the logarithm of the odds (100 to 1) below which two effects are not told apart.
@@ -84,8 +84,8 @@ pub struct Found {
 pub struct Score {
     /// Root mean square of the user position's residual, m.
     pub position_rms: f64,
-    /// Mean square of all channels in units of their noise.
-    pub mean_square: f64,
+    /// Sum of the squares of all channels in units of their noise.
+    pub chi_square: f64,
 }
 
 /// A fault, and what it is mixed up with.
@@ -165,6 +165,7 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f
         prospects: Vec::new(),
         inflation: 1.0,
         penalty: 0.0,
+        holdout: score_before[1].chi_square,
         runners_up: Vec::new(),
     };
     let mut best = root.clone();
@@ -213,14 +214,17 @@ struct Hypothesis {
     inflation: f64,
     /// What its parameters cost, in chi-square of plain noise.
     penalty: f64,
+    /// Chi-square of the held-out records, which it was not fitted to.
+    holdout: f64,
     /// Effects that came near.
     runners_up: Vec<(&'static EffectInfo, f64)>,
 }
 
 impl Hypothesis {
-    /// Chi-square with a price on parameters, in units of what the best model leaves.
+    /// Chi-square of fitted and held-out records with a price on parameters, in units of what the best model leaves.
     fn cost(&self, best: &Self) -> f64 {
-        self.polished.misfit.chi_square / self.inflation.min(best.inflation).max(1.0) + self.penalty
+        (self.polished.misfit.chi_square + self.holdout) / self.inflation.min(best.inflation).max(1.0)
+            + self.penalty
     }
 
     fn same_effects(&self, other: &Self) -> bool {
@@ -231,18 +235,11 @@ impl Hypothesis {
                 .all(|(effect, _)| other.added.iter().any(|(known, _)| known.name == effect.name))
     }
 
-    /// Residual of each measured channel.
-    fn residuals(
-        &self,
-        case: &Case<'_>,
-        predictions: &[Vec<Outputs<f64>>],
-    ) -> [Option<ChannelResidual>; MEASURED] {
-        std::array::from_fn(|channel| residual::test(&residual::series(case.train, predictions, channel)))
-    }
-
     fn leaves_noise(&self, case: &Case<'_>) -> bool {
-        let predictions = fit::predict(&self.rig, case.train);
-        is_noise(case, &self.residuals(case, &predictions))
+        [case.train, case.holdout].into_iter().all(|records| {
+            let predictions = fit::predict(&self.rig, records);
+            is_noise(case, &residuals(records, &predictions))
+        })
     }
 
     /// Looks at every effect that is not in the model yet.
@@ -293,15 +290,16 @@ impl Hypothesis {
             .collect();
         self.runners_up =
             ranked.iter().take(3).map(|(candidate, evidence, _)| (candidate.effect, *evidence)).collect();
-        let here = score(case, &self.rig, case.holdout).mean_square;
         ranked
             .into_par_iter()
             .filter(|(_, evidence, _)| *evidence > 0.0)
             .filter(|(candidate, ..)| self.matters(case, candidate))
-            .filter(|(candidate, ..)| {
-                case.holdout.is_empty() || score(case, &candidate.rig, case.holdout).mean_square < here
-            })
             .map(|(candidate, evidence, price)| {
+                let holdout = score(case, &candidate.rig, case.holdout).chi_square;
+                (candidate, evidence, price, holdout)
+            })
+            .filter(|(.., holdout)| case.holdout.is_empty() || *holdout < self.holdout)
+            .map(|(candidate, evidence, price, holdout)| {
                 let mut added = self.added.clone();
                 added.push((candidate.effect, evidence));
                 Self {
@@ -312,6 +310,7 @@ impl Hypothesis {
                     added,
                     prospects: Vec::new(),
                     penalty: self.penalty + price,
+                    holdout,
                     runners_up: Vec::new(),
                 }
             })
@@ -377,8 +376,8 @@ impl Hypothesis {
 
     fn conclude(self, case: &Case<'_>, before: Fit, score_before: [Score; 2]) -> Diagnosis {
         let predictions = fit::predict(&self.rig, case.train);
-        let residuals = self.residuals(case, &predictions);
-        let noise_only = is_noise(case, &residuals);
+        let residuals = residuals(case.train, &predictions);
+        let noise_only = self.leaves_noise(case);
         let verdict = match (noise_only, self.added.is_empty()) {
             (true, true) => Verdict::Adequate,
             (true, false) => Verdict::Explained,
@@ -410,10 +409,7 @@ impl Hypothesis {
             })
             .collect();
         let faults = (0..case.rig.faults.len())
-            .map(|index| Fault {
-                estimate: estimates[index],
-                confounded_with: self.confounded_with(index),
-            })
+            .map(|index| Fault { estimate: estimates[index], confounded_with: self.confounded_with(index) })
             .collect();
         let score_after = [score(case, &self.rig, case.train), score(case, &self.rig, case.holdout)];
         let left = (verdict == Verdict::Unexplained).then(|| {
@@ -488,7 +484,7 @@ fn inflation(case: &Case<'_>, rig: &Rig, misfit: &Misfit<f64>) -> f64 {
 
 fn score(case: &Case<'_>, rig: &Rig, records: &[Prepared]) -> Score {
     let predictions = fit::predict(rig, records);
-    let (mut chi_square, mut count) = (0.0, 0_usize);
+    let mut chi_square = 0.0;
     let mut position_rms = f64::NAN;
     for channel in (0..MEASURED).filter(|&channel| case.noise[channel].is_finite()) {
         let values: Vec<f64> = residual::series(records, &predictions, channel)
@@ -501,9 +497,13 @@ fn score(case: &Case<'_>, rig: &Rig, records: &[Prepared]) -> Score {
             position_rms = (sum / values.len().max(1) as f64).sqrt();
         }
         chi_square += sum / (case.noise[channel] * case.noise[channel]);
-        count += values.len();
     }
-    Score { position_rms, mean_square: chi_square / count.max(1) as f64 }
+    Score { position_rms, chi_square }
+}
+
+/// Residual of each measured channel.
+fn residuals(records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> [Option<ChannelResidual>; MEASURED] {
+    std::array::from_fn(|channel| residual::test(&residual::series(records, predictions, channel)))
 }
 
 /// Is the residual of every channel just noise?

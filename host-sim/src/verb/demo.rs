@@ -1,8 +1,8 @@
 //! `demo`: the main job on an embedded example.
 //!
-//! An HF actuator with a backlash and a raised friction, and a spool with an overlap that nobody declared, flies two
-//! commands. The monitor's LF model identifies the faults, `diagnose` names what the model lacks, and a third record
-//! that was not fitted shows the error before and after.
+//! An HF actuator with a backlash and a raised friction flies two commands. Its spool meters by the square root of the
+//! pressure drop, which nobody declared and the monitor's linear model lacks. The monitor identifies the faults,
+//! `diagnose` names what is missing, and a third record that was not fitted shows the error before and after.
 
 use super::DEFAULT_RIG;
 use super::diagnose::Job;
@@ -17,12 +17,8 @@ use eha_monitor::command::{Command, CommandInfo};
 use eha_monitor::parameter::Parameter;
 
 /// What the example's actuator has, and the monitor does not know.
-const TRUTH: [(Parameter, f64); 4] = [
-    (Parameter::Backlash, 2e-4),
-    (Parameter::DryFriction, 800.0),
-    (Parameter::MeteringBlend, 1.0),
-    (Parameter::SpoolOverlap, 12e-6),
-];
+const TRUTH: [(Parameter, f64); 3] =
+    [(Parameter::Backlash, 2e-4), (Parameter::DryFriction, 800.0), (Parameter::MeteringBlend, 1.0)];
 /// Noise of its sensors.
 const NOISE: [(Channel, f64); 2] = [(Channel::UserPosition, 5e-6), (Channel::Current, 0.02)];
 /// Records: label, command, role.
