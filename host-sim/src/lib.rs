@@ -1,5 +1,49 @@
 //! Host program around the `eha-monitor` core.
+//!
+//! ```text
+//! cli.rs --> verb/*.rs, one file a verb
+//!              |-- record/   CSV and MAT in, CSV out          |-- emulator/ firmware under QEMU
+//!              |-- rig/      what is known of the actuator    |-- output.rs results to stdout, log to stderr
+//!              |-- fit/      records + rig --> core search --> estimates, residuals
+//! ```
+
+pub mod cli;
+pub mod diagnose;
 pub mod emulator;
-pub mod record;
 pub mod failure;
+pub mod fit;
+pub mod output;
+pub mod plant;
+pub mod record;
 pub mod rig;
+pub mod thesis;
+pub mod verb;
+
+use cli::{Cli, Verb};
+use failure::Failure;
+
+/// Runs what the command line asks for.
+///
+/// # Errors
+/// The failure and its exit code; see [`failure::EXIT_CODES`].
+pub fn run(cli: &Cli) -> Result<(), Failure> {
+    let common = &cli.common;
+    if let Some(threads) = common.threads {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(usize::from(threads))
+            .build_global()
+            .map_err(Failure::other)?;
+    }
+    match &cli.verb {
+        Verb::Demo(options) => verb::demo::run(common, options),
+        Verb::Simulate(options) => verb::simulate::run(common, options),
+        Verb::Identify(options) => verb::identify::run(common, options),
+        Verb::Diagnose(options) => verb::diagnose::run(common, options),
+        Verb::Calibrate(options) => verb::calibrate::run(common, options),
+        Verb::Reproduce(options) => verb::reproduce::run(common, options),
+        Verb::Effects => verb::lists::effects(common),
+        Verb::Commands => verb::lists::commands(common),
+        Verb::Rigs(options) => verb::lists::rigs(common, options),
+        Verb::Import(options) => verb::import::run(common, options),
+    }
+}

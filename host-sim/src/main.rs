@@ -1,2 +1,15 @@
-//! Command line.
-fn main() {}
+//! The `host-sim` program: parses the command line, runs a verb, turns a failure into its exit code.
+
+use clap::Parser;
+use host_sim::cli::Cli;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    match host_sim::run(&Cli::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            ExitCode::from(failure.kind.exit_code())
+        }
+    }
+}

@@ -262,6 +262,12 @@ impl<T: Real + RealField, const GENES: usize> Normal<T, GENES> {
         None
     }
 
+    /// Where the linear model puts the bottom, from `genes`, and the chi-square that it promises there.
+    pub fn foreseen(&self, genes: &[T; GENES], active: usize) -> Option<([T; GENES], T)> {
+        let (there, promised) = self.step(genes, T::literal(1e-6), active)?;
+        Some((there, self.misfit.chi_square - promised))
+    }
+
     /// Covariance of the genes for residuals whose noise is white and known: `(J^T J)^-1`.
     pub fn covariance(&self) -> Option<SMatrix<T, GENES, GENES>> {
         self.curvature.cholesky().map(|factor| factor.inverse())

@@ -23,6 +23,10 @@ pub struct Run<T> {
     pub mode: Mode,
     /// Guards at the state, kept from the step before.
     guards: Guards<T>,
+    /// A quarter of what each guard fell by in a finest step on the way here; zero after an event.
+    fall: Guards<T>,
+    /// Finest steps since the last event.
+    calm: u32,
     /// Mode changes so far.
     pub events: u32,
     /// Steps taken so far, rejected ones included.
@@ -32,7 +36,8 @@ pub struct Run<T> {
 impl<T: Real> Run<T> {
     /// A run that starts from a state and mode.
     pub fn starting(model: &Model<T>, state: State<T>, mode: Mode, input: &Input<T>) -> Self {
-        let mut run = Self { state, mode, guards: Guards::default(), events: 0, steps: 0 };
+        let mut run =
+            Self { state, mode, guards: Guards::default(), fall: Guards::default(), calm: u32::MAX, events: 0, steps: 0 };
         run.guards = Guards::at(model, &run.mode, &run.state, input, T::ZERO);
         run
     }
@@ -76,6 +81,42 @@ impl<T: Real> Guards<T> {
         violated
     }
 
+    /// May a guard that is positive at both ends of a step have been negative inside? A parabola through three
+    /// equally spaced points dips by an eighth of its fall over the first two; twice that is looked out for.
+    #[inline(always)]
+    fn may_dip(&self, fall: &Self, after: &Self, size: T) -> bool {
+        let mut dips = false;
+        let mut index = 0;
+        while index < LOOP_GUARDS {
+            dips |= self.plain[index].smaller(after.plain[index]) < fall.plain[index] * size;
+            index += 1;
+        }
+        let mut index = 0;
+        while index < EXTRA_GUARDS {
+            dips |= self.extra[index].smaller(after.extra[index]) < fall.extra[index] * size;
+            index += 1;
+        }
+        dips
+    }
+
+    /// A quarter of the fall from here to `after` for each finest step of `size` of them.
+    #[inline(always)]
+    fn fall(&self, after: &Self, size: T) -> Self {
+        let weight = T::literal(0.25) / size;
+        let mut fall = Self::default();
+        let mut index = 0;
+        while index < LOOP_GUARDS {
+            fall.plain[index] = (self.plain[index] - after.plain[index]) * weight;
+            index += 1;
+        }
+        let mut index = 0;
+        while index < EXTRA_GUARDS {
+            fall.extra[index] = (self.extra[index] - after.extra[index]) * weight;
+            index += 1;
+        }
+        fall
+    }
+
     fn get(&self, index: usize) -> T {
         self.plain.iter().chain(&self.extra).nth(index).copied().unwrap_or(T::ONE)
     }
@@ -110,6 +151,9 @@ impl<T: Real> Guards<T> {
 
 /// A rule that takes a state over a step inside one mode.
 pub trait Stepper<T: Real> {
+    /// Finest steps without an event after which coarser ones are taken again.
+    const CALM: u32;
+
     /// Coarsest level: a step of level `l` is `4^l` finest steps long.
     const TOP: usize;
 
@@ -136,7 +180,7 @@ pub trait Stepper<T: Real> {
 
 /// Advances a run by one sample.
 ///
-/// `observe` is called with the ram position at every turning point and at the end of the sample, in order of time:
+/// `observe` is called with the ram position over ground at every turning point and at the end of the sample, in order of time:
 /// what a rate-independent operator behind the ram needs to see. Bounded: at most `2 * units` steps of the stepper
 /// and three parts for each of the 8 events that one of its finest steps may hold.
 #[inline]
@@ -149,8 +193,12 @@ pub fn advance<T: Real, S: Stepper<T>>(
 ) {
     let (units, unit) = (stepper.units(), stepper.unit());
     stepper.enter(model, &run.mode);
+    if model.guards_see_command_rate() {
+        // The rate may have jumped with the sample.
+        run.guards = Guards::at(model, &run.mode, &run.state, &segment.start, segment.time);
+    }
     let mut position: u32 = 0;
-    let mut level = S::TOP;
+    let mut level = if run.calm < S::CALM { 0 } else { S::TOP };
     while position < units {
         let size = 1_u32 << (2 * level);
         let elapsed = unit * T::from_count(position);
@@ -159,19 +207,26 @@ pub fn advance<T: Real, S: Stepper<T>>(
         run.steps += 1;
         let end = unit * T::from_count(position + size);
         let guards = Guards::at(model, &run.mode, &state, &segment.at(end), segment.time + end);
-        if run.guards.any_violated(&guards) {
+        let length = T::from_count(size);
+        let violated = run.guards.any_violated(&guards);
+        if violated || (level > 0 && run.guards.may_dip(&run.fall, &guards, length)) {
             if level > 0 {
                 level -= 1;
                 continue;
             }
             cross(stepper, model, run, segment, elapsed, &mut observe);
+            run.calm = 0;
         } else {
+            run.calm = run.calm.saturating_add(size);
             run.state = state;
+            if S::TOP > 0 {
+                run.fall = run.guards.fall(&guards, length);
+            }
             run.guards = guards;
         }
-        observe(run.state.ram);
+        observe(run.state.ground());
         position += size;
-        while level < S::TOP && position.is_multiple_of(4 << (2 * level)) {
+        while level < S::TOP && run.calm >= S::CALM && position.is_multiple_of(4 << (2 * level)) {
             level += 1;
         }
     }
@@ -188,6 +243,7 @@ fn cross<T: Real, S: Stepper<T>>(
     observe: &mut impl FnMut(T),
 ) {
     let unit = stepper.unit();
+    run.fall = Guards::default();
     let mut done = T::ZERO;
     for _ in 0..EVENTS_PER_STEP {
         let input = segment.at(elapsed + unit * done);
@@ -214,7 +270,7 @@ fn cross<T: Real, S: Stepper<T>>(
         run.state = state;
         run.steps += 3;
         run.events += 1;
-        observe(run.state.ram);
+        observe(run.state.ground());
         model.switch(index, &mut run.mode, &mut run.state, &input);
         run.guards = Guards::at(model, &run.mode, &run.state, &input, segment.time + now);
         stepper.enter(model, &run.mode);

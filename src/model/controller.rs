@@ -52,6 +52,11 @@ impl<T: Real> Controller<T> {
         if mode == 0 { demand } else { side::<T>(mode) * self.current_limit * one }
     }
 
+    /// Does the demand follow the rate of the command?
+    pub fn sees_rates(&self) -> bool {
+        self.derivative != T::ZERO
+    }
+
     /// Is the controller purely proportional, so that it needs no state?
     pub fn is_proportional(&self) -> bool {
         self.integral == T::ZERO

@@ -83,8 +83,18 @@ named!(DriveName for Drive { Valve, Force });
 pub fn read(path: &Path) -> Result<Rig, Failure> {
     let in_file = |message: String| Failure::usage(format!("{}: {message}", path.display()));
     let text = std::fs::read_to_string(path).map_err(|error| {
-        let names = BUILT_IN.iter().map(|built_in| built_in.name).collect::<Vec<_>>().join(", ");
-        in_file(format!("cannot read this rig file ({error}); built-in rigs are {names}"))
+        let names = || BUILT_IN.iter().map(|built_in| built_in.name);
+        let name = path.to_string_lossy();
+        // A word that is no path is most likely a built-in name mistyped.
+        let meant = if name.contains(['/', '\\', '.']) {
+            in_file(format!("cannot read this rig file ({error})")).to_string()
+        } else {
+            unknown("rig", &name, names())
+        };
+        Failure::usage(format!(
+            "{meant}; expected a rig file or one of the built-in rigs {}",
+            names().collect::<Vec<_>>().join(", ")
+        ))
     })?;
     parse(&text).map_err(|failure| in_file(failure.to_string()))
 }
@@ -141,7 +151,11 @@ fn parse(text: &str) -> Result<Rig, Failure> {
     }
     for table in file.effect.into_iter().flatten() {
         let Some(effect) = EffectInfo::named(&table.name) else {
-            return Err(Failure::usage(unknown("effect", &table.name, EFFECTS.iter().map(|entry| entry.name))));
+            return Err(Failure::usage(unknown(
+                "effect",
+                &table.name,
+                EFFECTS.iter().map(|entry| entry.name),
+            )));
         };
         rig.effects.push(effect);
     }
@@ -149,7 +163,10 @@ fn parse(text: &str) -> Result<Rig, Failure> {
 }
 
 fn ranges(tables: Vec<RangeTable>) -> Result<Vec<Range>, Failure> {
-    tables.into_iter().map(|table| Range::new(parameter_named(&table.name)?, table.lower, table.upper)).collect()
+    tables
+        .into_iter()
+        .map(|table| Range::new(parameter_named(&table.name)?, table.lower, table.upper))
+        .collect()
 }
 
 /// The text of a rig file that [`read`] turns into the same rig, with each parameter's meaning beside it.
@@ -159,11 +176,20 @@ pub fn write(rig: &Rig, comments: &[String]) -> String {
         let _ = writeln!(text, "# {comment}");
     }
     let quoted = |value: String| toml::Value::String(value).to_string();
-    let kebab = |value: Result<toml::Value, toml::ser::Error>| value.map_or_else(|_| String::new(), |value| value.to_string());
+    let kebab = |value: Result<toml::Value, toml::ser::Error>| {
+        value.map_or_else(|_| String::new(), |value| value.to_string())
+    };
     let _ = writeln!(text, "name = {}", quoted(rig.name.clone()));
-    let _ = writeln!(text, "base = \"eha\"\n\n[model]");
+    let _ = writeln!(text, "base = \"eha\"");
+    for (table, ranges) in [("fault", &rig.faults), ("free", &rig.free)] {
+        if ranges.is_empty() {
+            let _ = writeln!(text, "{table} = []");
+        }
+    }
+    let _ = writeln!(text, "\n[model]");
     let _ = writeln!(text, "valve = {}", kebab(toml::Value::try_from(ValveName::from(rig.form.valve))));
-    let _ = writeln!(text, "feedback = {}", kebab(toml::Value::try_from(FeedbackName::from(rig.form.feedback))));
+    let _ =
+        writeln!(text, "feedback = {}", kebab(toml::Value::try_from(FeedbackName::from(rig.form.feedback))));
     let _ = writeln!(text, "drive = {}", kebab(toml::Value::try_from(DriveName::from(rig.form.drive))));
     if let Some(restart) = rig.restart_s {
         let _ = writeln!(text, "restart-s = {restart:?}");
@@ -171,16 +197,16 @@ pub fn write(rig: &Rig, comments: &[String]) -> String {
     let _ = writeln!(text, "\n[parameters]");
     for (parameter, value) in rig.changed() {
         let info = parameter.info();
-        let _ = writeln!(text, "{} = {value:?} # {} {}, {}", info.name, info.symbol, info.unit, info.description);
+        let _ =
+            writeln!(text, "{} = {value:?} # {} {}, {}", info.name, info.symbol, info.unit, info.description);
     }
-    let _ = writeln!(text, "\n[noise]");
+    if !rig.noise.is_empty() {
+        let _ = writeln!(text, "\n[noise]");
+    }
     for (channel, noise) in &rig.noise {
         let _ = writeln!(text, "{} = {noise:?} # {}", channel.info().column, channel.info().unit);
     }
     for (table, ranges) in [("fault", &rig.faults), ("free", &rig.free)] {
-        if ranges.is_empty() {
-            let _ = writeln!(text, "\n# no [[{table}]]");
-        }
         for range in ranges {
             let info = range.parameter.info();
             let _ = writeln!(
@@ -206,6 +232,9 @@ mod tests {
             let mut rig = (built_in.make)();
             rig.noise = vec![(eha_monitor::channel::Channel::UserPosition, 5e-6)];
             rig.effects = vec![&EFFECTS[0]];
+            if built_in.name == "force-axis" {
+                rig.faults.clear();
+            }
             let text = write(&rig, &["a comment".to_owned()]);
             assert_eq!(parse(&text).unwrap(), rig, "{text}");
         }

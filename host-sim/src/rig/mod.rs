@@ -103,9 +103,11 @@ pub fn parameter_named(name: &str) -> Result<Parameter, Failure> {
 /// # Errors
 /// Usage: no such column.
 pub fn channel_named(column: &str) -> Result<Channel, Failure> {
-    CHANNELS.iter().find(|row| row.column == column).map(|row| row.channel).ok_or_else(|| {
-        Failure::usage(unknown("channel", column, CHANNELS.iter().map(|row| row.column)))
-    })
+    CHANNELS
+        .iter()
+        .find(|row| row.column == column)
+        .map(|row| row.channel)
+        .ok_or_else(|| Failure::usage(unknown("channel", column, CHANNELS.iter().map(|row| row.column))))
 }
 
 /// Says that a name is not known, and which known one is nearest.
@@ -115,7 +117,9 @@ pub fn unknown<'a>(kind: &str, name: &str, known: impl Iterator<Item = &'a str>)
         .map(|known| (strsim::jaro_winkler(&name.to_lowercase(), &known.to_lowercase()), known))
         .max_by(|a, b| a.0.total_cmp(&b.0));
     match nearest {
-        Some((likeness, known)) if likeness > 0.7 => format!("unknown {kind} `{name}`; did you mean `{known}`?"),
+        Some((likeness, known)) if likeness > 0.7 => {
+            format!("unknown {kind} `{name}`; did you mean `{known}`?")
+        }
         _ => format!("unknown {kind} `{name}`"),
     }
 }

@@ -1,0 +1,66 @@
+//! The command line, as it is typed.
+
+use crate::failure::EXIT_CODES;
+use crate::verb;
+use clap::{Args, Parser, Subcommand};
+use std::path::PathBuf;
+
+/// Health monitoring of electro-hydraulic actuators: faults, and the effects a model lacks, from LVDT records.
+///
+/// Results go to stdout, log and progress to stderr.
+#[derive(Debug, Parser)]
+#[command(version, after_help = EXIT_CODES, max_term_width = 110)]
+pub struct Cli {
+    #[command(flatten)]
+    pub(crate) common: Common,
+    #[command(subcommand)]
+    pub(crate) verb: Verb,
+}
+
+/// Options that every verb understands.
+#[derive(Clone, Debug, Args)]
+pub struct Common {
+    /// Print one JSON object instead of tables.
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+    /// No log and no progress.
+    #[arg(long, short, global = true)]
+    pub(crate) quiet: bool,
+    /// Seed of all randomness.
+    #[arg(long, global = true, default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// Threads; all processors by default. Results do not depend on it.
+    #[arg(long, global = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(crate) threads: Option<u16>,
+    /// Rig: a built-in name (see `rigs`) or a TOML file.
+    #[arg(long, global = true, value_name = "NAME|FILE.toml")]
+    pub(crate) rig: Option<String>,
+    /// Directory for files that a verb writes; made if it is not there.
+    #[arg(long, global = true, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Verb {
+    /// The main job on an embedded example: faults from an actuator, and what the monitor's model lacks.
+    Demo(verb::demo::Options),
+    /// Make a record: HF or LF model, command, faults, effects, sensor noise.
+    Simulate(verb::simulate::Options),
+    /// Faults from records.
+    Identify(verb::identify::Options),
+    /// Free parameters of a rig from records; writes a rig file with `--out`.
+    Calibrate(verb::calibrate::Options),
+    /// What does the model lack? Names a missing effect, with the error before and after, or says that it cannot tell.
+    Diagnose(verb::diagnose::Options),
+    /// The source's twelve cases: its result and ours.
+    Reproduce(verb::reproduce::Options),
+    /// The physical effects that a model can have.
+    Effects,
+    /// The test commands.
+    Commands,
+    /// The built-in rigs; with a name or file, everything in it.
+    Rigs(verb::lists::RigsOptions),
+    /// Convert a MAT (v5, v7.3) or foreign CSV file to a record.
+    Import(verb::import::Options),
+}

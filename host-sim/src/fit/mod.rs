@@ -1,0 +1,260 @@
+//! From records and a rig to fitted parameters: the bridge to the core's search.
+
+pub mod engine;
+mod noise;
+mod polish;
+mod prepare;
+
+pub use noise::{NoiseSource, estimate};
+pub use polish::{Polished, foresee, polish};
+pub use prepare::{Prepared, prepare};
+
+use crate::rig::{Range, Rig};
+use eha_monitor::channel::Channel;
+use eha_monitor::fit::identify::{self, Identification, Progress, StopReason};
+use eha_monitor::fit::problem::{Free, Misfit, Problem};
+use eha_monitor::integrate::Stepper;
+use eha_monitor::model::state::Outputs;
+use eha_monitor::parameter::{Parameter, Parameters};
+use engine::{Job, dispatch};
+use std::time::Instant;
+
+/// Most parameters that one fit may free.
+pub const MAX_FREE: usize = 12;
+/// Most members of a population.
+pub const MAX_POPULATION: usize = 64;
+
+/// How a fit is made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FitSettings {
+    /// Seed of all randomness.
+    pub seed: u64,
+    /// Members of the population.
+    pub population: usize,
+    /// Most evaluations of the model.
+    pub budget: u32,
+}
+
+impl Default for FitSettings {
+    fn default() -> Self {
+        let search = identify::Settings::<f64>::default();
+        Self { seed: 1, population: search.search.population, budget: search.budget }
+    }
+}
+
+/// A fitted parameter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// Which parameter.
+    pub parameter: Parameter,
+    /// Its value.
+    pub value: f64,
+    /// Its standard error; not finite where the records say nothing about it.
+    pub standard_error: f64,
+    /// Interval that holds the true value in 95 of 100 cases, cut to the range of the search.
+    pub ci95: [f64; 2],
+}
+
+/// The result of a fit.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The free parameters.
+    pub estimates: Vec<Estimate>,
+    /// Correlation of the estimates.
+    pub correlation: Vec<Vec<f64>>,
+    /// All parameters, fitted ones included.
+    pub parameters: Parameters<f64>,
+    /// Misfit in units of the noise.
+    pub misfit: Misfit<f64>,
+    /// Root mean square of the residual of each measured channel, in its unit; none where no record has it.
+    pub residual_rms: [Option<f64>; Channel::MEASURED.len()],
+    /// What the fitted model predicts, sample by sample, for each record.
+    pub predictions: Vec<Vec<Outputs<f64>>>,
+    /// Noise that was assumed for each measured channel; not finite where it is not used.
+    pub noise: [f64; Channel::MEASURED.len()],
+    /// Evaluations of the model.
+    pub evaluations: u32,
+    /// Generations of the genetic algorithm.
+    pub generations: u32,
+    /// Duration of the whole fit, s.
+    pub seconds: f64,
+    /// Duration of a generation, s.
+    pub seconds_per_generation: f64,
+    /// Why the search ended.
+    pub stop: StopReason,
+    /// Best cost (mean square in units of the noise) after each evaluation of the genetic algorithm.
+    pub history: Vec<f64>,
+}
+
+impl Fit {
+    /// The estimate of a parameter.
+    pub fn estimate(&self, parameter: Parameter) -> Option<&Estimate> {
+        self.estimates.iter().find(|estimate| estimate.parameter == parameter)
+    }
+
+    /// Root mean square of the residual of the user position, m.
+    pub fn position_rms(&self) -> f64 {
+        self.residual_rms[0].unwrap_or(f64::NAN)
+    }
+}
+
+/// Where a fit stands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Standing {
+    /// Evaluations of the model so far.
+    pub evaluations: u32,
+    /// Most evaluations.
+    pub budget: u32,
+    /// Generations so far.
+    pub generations: u32,
+    /// Best cost so far: root of the mean square in units of the noise.
+    pub best_sigma: f64,
+}
+
+/// Fits the ranges to the records.
+///
+/// At most [`MAX_FREE`] ranges are used.
+pub fn fit(
+    rig: &Rig,
+    ranges: &[Range],
+    records: &[Prepared],
+    noise: [f64; 4],
+    settings: &FitSettings,
+    mut watch: impl FnMut(Standing),
+) -> Fit {
+    let free: Vec<Free<f64>> = ranges
+        .iter()
+        .take(MAX_FREE)
+        .map(|range| Free { parameter: range.parameter, lower: range.lower, upper: range.upper })
+        .collect();
+    let core_records: Vec<_> = records.iter().map(Prepared::as_core).collect();
+    let problem =
+        Problem { form: rig.form, parameters: rig.parameters, free: &free, records: &core_records, noise };
+    dispatch(&problem, Search { settings, watch: &mut watch })
+}
+
+/// What a model with given parameters predicts for each record.
+pub fn predict(rig: &Rig, records: &[Prepared]) -> Vec<Vec<Outputs<f64>>> {
+    let core_records: Vec<_> = records.iter().map(Prepared::as_core).collect();
+    let problem = Problem {
+        form: rig.form,
+        parameters: rig.parameters,
+        free: &[],
+        records: &core_records,
+        noise: [f64::INFINITY; 4],
+    };
+    dispatch(&problem, Trace)
+}
+
+struct Trace;
+
+impl Job for Trace {
+    type Output = Vec<Vec<Outputs<f64>>>;
+
+    fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Self::Output {
+        engine::trace(problem, &[], &mut steppers[0])
+    }
+}
+
+struct Search<'a, W> {
+    settings: &'a FitSettings,
+    watch: &'a mut W,
+}
+
+impl<W: FnMut(Standing)> Job for Search<'_, W> {
+    type Output = Fit;
+
+    fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Fit {
+        search(problem, self.settings, steppers, self.watch)
+    }
+}
+
+fn search<S: Stepper<f64>>(
+    problem: &Problem<'_, f64>,
+    settings: &FitSettings,
+    steppers: &mut [S],
+    watch: &mut impl FnMut(Standing),
+) -> Fit {
+    let started = Instant::now();
+    let mut core_settings = identify::Settings { budget: settings.budget, ..identify::Settings::default() };
+    core_settings.search.population = settings.population;
+    let mut identification =
+        Identification::<f64, MAX_FREE, MAX_POPULATION>::new(problem, core_settings, settings.seed);
+    let mut history = Vec::new();
+    let mut searching = 0.0;
+    let stop = loop {
+        let before = started.elapsed().as_secs_f64();
+        let progress = identification.advance(problem, steppers);
+        let best = identification.search().best().map_or(f64::INFINITY, |(_, cost)| cost);
+        match progress {
+            Progress::Done(reason) => break reason,
+            Progress::Child(_) => {
+                searching += started.elapsed().as_secs_f64() - before;
+                history.push(best);
+            }
+            Progress::Finished => {}
+        }
+        watch(Standing {
+            evaluations: identification.evaluations(),
+            budget: settings.budget,
+            generations: identification.search().generations(),
+            best_sigma: best.sqrt(),
+        });
+    };
+    let genes = identification.result().map_or([0.0; MAX_FREE], |finish| finish.genes);
+    let covariance = identification.result().and_then(|finish| finish.normal.covariance());
+    let misfit =
+        identification.result().map_or(Misfit { chi_square: 0.0, count: 0 }, |finish| finish.normal.misfit);
+    let predictions = engine::trace(problem, &genes, &mut steppers[0]);
+    let inflation = if stop == StopReason::NoiseReached {
+        1.0
+    } else {
+        misfit.mean_square().max(1.0) * noise::correlation_time(problem, &predictions)
+    };
+    let count = problem.free.len();
+    let covariance =
+        |row: usize, column: usize| covariance.map_or(f64::NAN, |matrix| matrix[(row, column)] * inflation);
+    let estimates = problem
+        .free
+        .iter()
+        .enumerate()
+        .map(|(gene, free)| {
+            let value = free.value(genes[gene]);
+            let standard_error = covariance(gene, gene).sqrt() * free.range();
+            Estimate {
+                parameter: free.parameter,
+                value,
+                standard_error,
+                ci95: [
+                    (value - 1.96 * standard_error).max(free.lower),
+                    (value + 1.96 * standard_error).min(free.upper),
+                ],
+            }
+        })
+        .collect();
+    let correlation = (0..count)
+        .map(|row| {
+            (0..count)
+                .map(|column| {
+                    covariance(row, column) / (covariance(row, row) * covariance(column, column)).sqrt()
+                })
+                .collect()
+        })
+        .collect();
+    let children = identification.counters().evaluations.max(1);
+    Fit {
+        estimates,
+        correlation,
+        parameters: problem.parameters_of(&genes),
+        misfit,
+        residual_rms: noise::residual_rms(problem, &predictions),
+        predictions,
+        noise: problem.noise,
+        evaluations: identification.evaluations(),
+        generations: identification.search().generations(),
+        seconds: started.elapsed().as_secs_f64(),
+        seconds_per_generation: searching / f64::from(children) * settings.population as f64,
+        stop,
+        history,
+    }
+}

@@ -1,0 +1,152 @@
+//! How noisy a channel is, and how white a residual.
+
+use crate::record::Record;
+use crate::rig::Rig;
+use eha_monitor::channel::Channel;
+use eha_monitor::fit::problem::Problem;
+use eha_monitor::model::state::Outputs;
+
+const MEASURED: usize = Channel::MEASURED.len();
+
+/// Noise below which a channel is not believed: the model's own numerical error, 0.1 um of position, and what that is
+/// in the other channels of the source's actuator.
+const SMALLEST: [f64; MEASURED] = [1e-7, 1e-7, 1e-3, 1e3];
+
+/// Where the noise of a channel comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoiseSource {
+    /// The rig states it.
+    Rig,
+    /// It was estimated from the record.
+    Estimated,
+    /// No record has the channel.
+    Absent,
+}
+
+/// Standard deviation of the noise of each measured channel, in its unit, and where it comes from: the rig's, else the
+/// root mean square over the records of what each shows; infinite where no record has the channel.
+pub fn estimate(rig: &Rig, records: &[Record]) -> ([f64; MEASURED], [NoiseSource; MEASURED]) {
+    let mut noise = [f64::INFINITY; MEASURED];
+    let mut source = [NoiseSource::Absent; MEASURED];
+    for (index, channel) in Channel::MEASURED.into_iter().enumerate() {
+        let shown: Vec<f64> =
+            records.iter().filter_map(|record| record.channel(channel)).map(of_series).collect();
+        if shown.is_empty() {
+            continue;
+        }
+        (noise[index], source[index]) = if let Some(known) = rig.noise_of(channel) {
+            (known, NoiseSource::Rig)
+        } else {
+            let mean = shown.iter().map(|value| value * value).sum::<f64>() / shown.len() as f64;
+            (mean.sqrt().max(SMALLEST[index]), NoiseSource::Estimated)
+        };
+    }
+    (noise, source)
+}
+
+/// Standard deviation of the white part of a series.
+///
+/// Fourth differences take out what is smooth over five samples; their spread over that of white noise is
+/// `sqrt(1 + 16 + 36 + 16 + 1)`. The median absolute value ignores steps and reversals. A quantised series at rest has
+/// mostly zero differences: the noise is then not below that of the quantum, `q/sqrt(12)`.
+fn of_series(values: &[f64]) -> f64 {
+    let mut differences: Vec<f64> = values
+        .windows(5)
+        .map(|w| (w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]).abs())
+        .filter(|difference| difference.is_finite())
+        .collect();
+    if differences.is_empty() {
+        return 0.0;
+    }
+    let middle = differences.len() / 2;
+    let median = *differences.select_nth_unstable_by(middle, f64::total_cmp).1;
+    (median / 0.674_489_75 / 70.0_f64.sqrt()).max(quantum(values) / 12.0_f64.sqrt())
+}
+
+/// The step in which a series is quantised; 0 where it is not (fewer than half of its neighbours agree exactly on
+/// multiples of one step).
+fn quantum(values: &[f64]) -> f64 {
+    let steps: Vec<f64> =
+        values.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|step| step.is_finite()).collect();
+    let Some(smallest) = steps.iter().copied().filter(|&step| step > 0.0).min_by(f64::total_cmp) else {
+        return 0.0;
+    };
+    let whole = |step: f64| ((step / smallest).round() * smallest - step).abs() < 1e-6 * smallest.max(step);
+    let agreeing = steps.iter().filter(|&&step| whole(step)).count();
+    if agreeing * 10 > steps.len() * 9 { smallest } else { 0.0 }
+}
+
+/// Root mean square of the residual of each measured channel, in its unit.
+pub(super) fn residual_rms(
+    problem: &Problem<'_, f64>,
+    predictions: &[Vec<Outputs<f64>>],
+) -> [Option<f64>; MEASURED] {
+    let mut sums = [(0.0, 0_usize); MEASURED];
+    for (record, outputs) in problem.records.iter().zip(predictions) {
+        for (sample, output) in outputs.iter().enumerate().filter(|(sample, _)| record.is_compared(*sample)) {
+            for (index, predicted) in output.to_array().into_iter().enumerate() {
+                if let Some(value) = record.measured[index].get(sample).filter(|value| value.is_finite()) {
+                    sums[index].0 += (value - predicted) * (value - predicted);
+                    sums[index].1 += 1;
+                }
+            }
+        }
+    }
+    sums.map(|(sum, count)| (count > 0).then(|| (sum / count as f64).sqrt()))
+}
+
+/// How many samples of the residual say the same thing: the integrated autocorrelation time of the user position's
+/// residual, in samples, at least 1. The sum ends at the first lag whose correlation is within its own noise.
+pub(super) fn correlation_time(problem: &Problem<'_, f64>, predictions: &[Vec<Outputs<f64>>]) -> f64 {
+    let mut residual = Vec::new();
+    for (record, outputs) in problem.records.iter().zip(predictions) {
+        for (sample, output) in outputs.iter().enumerate().filter(|(sample, _)| record.is_compared(*sample)) {
+            if let Some(value) = record.measured[0].get(sample).filter(|value| value.is_finite()) {
+                residual.push(value - output.user);
+            }
+        }
+    }
+    let count = residual.len();
+    let power: f64 = residual.iter().map(|value| value * value).sum();
+    if power == 0.0 {
+        return 1.0;
+    }
+    let mut time = 1.0;
+    for lag in 1..count / 10 {
+        let product: f64 = residual.iter().zip(&residual[lag..]).map(|(a, b)| a * b).sum();
+        let correlation = product / power;
+        if correlation < 2.0 / (count as f64).sqrt() {
+            break;
+        }
+        time += 2.0 * correlation;
+    }
+    time
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn noisy(count: usize, sigma: f64, signal: impl Fn(f64) -> f64) -> Vec<f64> {
+        use rand_distr::{Distribution, Normal};
+        use rand_xoshiro::rand_core::SeedableRng;
+        let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(5);
+        let normal = Normal::new(0.0, sigma).unwrap();
+        (0..count).map(|k| signal(k as f64 * 1e-3) + normal.sample(&mut random)).collect()
+    }
+
+    #[test]
+    fn noise_of_a_moving_signal_is_found_to_five_percent() {
+        let values = noisy(5000, 5e-6, |t| 4e-3 * (31.4 * t).sin());
+        assert!((of_series(&values) / 5e-6 - 1.0).abs() < 0.05);
+    }
+
+    #[test]
+    fn a_quantised_series_at_rest_shows_the_noise_of_its_quantum() {
+        let values: Vec<f64> =
+            noisy(5000, 1e-9, |t| 1e-3 * t).iter().map(|x| (x / 1e-6).round() * 1e-6).collect();
+        let noise = of_series(&values);
+        assert!(noise > 0.28e-6 && noise < 0.5e-6, "{noise}");
+        assert_eq!(quantum(&noisy(500, 5e-6, |_| 0.0)), 0.0);
+    }
+}

@@ -1,0 +1,123 @@
+//! A record made ready for the core: inputs joined, start state found, settling marked.
+
+use crate::record::Record;
+use crate::rig::Rig;
+use eha_monitor::channel::Channel;
+use eha_monitor::fit::problem::{Record as CoreRecord, Start};
+use eha_monitor::model::Drive;
+
+const MEASURED: usize = Channel::MEASURED.len();
+
+/// Samples that are averaged for the position at the start.
+const START_SAMPLES: usize = 5;
+/// Time after which a closed loop has forgotten a start that was only measured, s.
+const SETTLE_S: f64 = 0.1;
+/// Half width, in samples, of the line that gives position and velocity at a restart.
+const RESTART_REACH: usize = 12;
+
+/// The series of a record, owned, with what a fit needs to know beside them.
+#[derive(Clone, Debug)]
+pub struct Prepared {
+    /// Sample period, s.
+    pub sample_period: f64,
+    command: Vec<f64>,
+    force: Vec<f64>,
+    measured: [Vec<f64>; MEASURED],
+    starts: Vec<Start<f64>>,
+    stretch: usize,
+    settle: usize,
+}
+
+impl Prepared {
+    /// The view that the core fits.
+    pub fn as_core(&self) -> CoreRecord<'_, f64> {
+        CoreRecord {
+            sample_period: self.sample_period,
+            command: &self.command,
+            force: &self.force,
+            measured: std::array::from_fn(|index| self.measured[index].as_slice()),
+            stretch: self.stretch,
+            starts: &self.starts,
+            settle: self.settle,
+        }
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.command.len()
+    }
+
+    /// Has it no sample?
+    pub fn is_empty(&self) -> bool {
+        self.command.is_empty()
+    }
+
+    /// Values of a measured channel, empty where absent.
+    pub fn measured(&self, index: usize) -> &[f64] {
+        &self.measured[index]
+    }
+
+    /// Commanded position, m.
+    pub fn command(&self) -> &[f64] {
+        &self.command
+    }
+}
+
+/// Makes a record ready for a rig, given the noise of its user position, m.
+///
+/// A closed loop starts at rest where the command is, if the first samples agree with that; else where they are, and
+/// the first 0.1 s is not compared. An open loop starts anew from the measured position and velocity at each restart.
+pub fn prepare(rig: &Rig, record: &Record, position_noise: f64) -> Prepared {
+    let values = |channel: Channel| record.channel(channel).map(<[f64]>::to_vec);
+    let command = values(Channel::Command).unwrap_or_default();
+    let position = values(Channel::UserPosition).unwrap_or_default();
+    let load = values(Channel::Load);
+    let drive = values(Channel::Drive).filter(|_| rig.form.drive == Drive::Force);
+    let force = match (drive, load) {
+        (Some(drive), Some(load)) => drive.iter().zip(load).map(|(drive, load)| drive - load).collect(),
+        (Some(drive), None) => drive,
+        (None, Some(load)) => load.into_iter().map(|load| -load).collect(),
+        (None, None) => Vec::new(),
+    };
+    let sample_period = record.sample_period_s();
+    let restart = rig.restart_s.map(|seconds| ((seconds / sample_period).round() as usize).max(2));
+    let (starts, stretch, settle) = if let Some(stretch) = restart {
+        let starts = (0..command.len()).step_by(stretch).map(|at| moving_start(&position, at, sample_period));
+        (starts.collect(), stretch, 1)
+    } else {
+        let first: Vec<f64> =
+            position.iter().copied().filter(|x| x.is_finite()).take(START_SAMPLES).collect();
+        let mean = first.iter().sum::<f64>() / first.len().max(1) as f64;
+        let commanded = command.first().copied().unwrap_or(mean);
+        let tolerance = 6.0 * position_noise / (first.len().max(1) as f64).sqrt();
+        if (mean - commanded).abs() <= tolerance {
+            (vec![Start { ram: commanded, velocity: 0.0 }], command.len(), 0)
+        } else {
+            let settle = ((SETTLE_S / sample_period) as usize).min(command.len() / 4);
+            (vec![Start { ram: mean, velocity: 0.0 }], command.len(), settle)
+        }
+    };
+    let measured = Channel::MEASURED.map(|channel| values(channel).unwrap_or_default());
+    Prepared { sample_period, command, force, measured, starts, stretch, settle }
+}
+
+/// Position and velocity at a sample, from a parabola through the samples around it.
+fn moving_start(position: &[f64], at: usize, sample_period: f64) -> Start<f64> {
+    let low = at.saturating_sub(RESTART_REACH);
+    let high = (at + RESTART_REACH + 1).min(position.len());
+    let points: Vec<(f64, f64)> = (low..high)
+        .filter(|&k| position[k].is_finite())
+        .map(|k| ((k as f64 - at as f64) * sample_period, position[k]))
+        .collect();
+    // Normal equations of a parabola, in time scaled to the reach.
+    let scale = RESTART_REACH as f64 * sample_period;
+    let mut matrix = nalgebra::Matrix3::zeros();
+    let mut side = nalgebra::Vector3::zeros();
+    for (time, value) in points {
+        let basis = nalgebra::Vector3::new(1.0, time / scale, (time / scale) * (time / scale));
+        matrix += basis * basis.transpose();
+        side += basis * value;
+    }
+    let solution = matrix.cholesky().map_or_else(nalgebra::Vector3::zeros, |factor| factor.solve(&side));
+    Start { ram: solution[0], velocity: solution[1] / scale }
+}

@@ -1,0 +1,253 @@
+//! Results to stdout, log and progress to stderr, files whole or not at all.
+
+use crate::cli::Common;
+use crate::failure::Failure;
+use crate::fit::{Estimate, Fit, NoiseSource, Standing};
+use crate::record::{Record, write_csv};
+use crate::rig::{Range, Rig};
+use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
+use eha_monitor::channel::Channel;
+use eha_monitor::fit::identify::StopReason;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde_json::{Map, Value, json};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Version of the JSON results.
+pub const SCHEMA: u32 = 1;
+
+/// Writes a line to stdout; a closed pipe ends the program quietly, as tools in a pipeline do.
+///
+/// # Errors
+/// Stdout cannot be written.
+pub fn print(text: &str) -> Result<(), Failure> {
+    match writeln!(std::io::stdout(), "{text}") {
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        result => result.map_err(Failure::other),
+    }
+}
+
+/// Prints one JSON object.
+///
+/// # Errors
+/// Stdout cannot be written.
+pub fn print_json(value: &Value) -> Result<(), Failure> {
+    print(&serde_json::to_string_pretty(value).map_err(Failure::other)?)
+}
+
+/// Logs a line to stderr unless the user asked for quiet.
+pub fn log(common: &Common, line: &str) {
+    if !common.quiet {
+        eprintln!("{line}");
+    }
+}
+
+/// An empty table; columns from the second on are aligned to the right.
+pub fn table<const COLUMNS: usize>(header: [&str; COLUMNS]) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::ASCII_MARKDOWN).set_content_arrangement(ContentArrangement::Disabled);
+    table.set_header(header);
+    for column in table.column_iter_mut().skip(1) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}
+
+/// A bar that counts steps; drawn on a terminal only.
+pub fn bar(common: &Common, length: u64, what: &str) -> ProgressBar {
+    let target = if common.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+    let bar = ProgressBar::with_draw_target(Some(length), target);
+    let style = ProgressStyle::with_template("{prefix} {wide_bar} {pos}/{len} {msg} {eta} left");
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar.set_prefix(what.to_owned());
+    bar
+}
+
+/// Shows where a fit stands.
+pub fn show_standing(bar: &ProgressBar, standing: Standing) {
+    bar.set_length(u64::from(standing.budget));
+    bar.set_position(u64::from(standing.evaluations.min(standing.budget)));
+    bar.set_message(format!("generation {}, best {:.3} sigma", standing.generations, standing.best_sigma));
+}
+
+/// Writes a file whole or not at all.
+///
+/// # Errors
+/// The directory or the file cannot be written.
+pub fn write_file(path: &Path, content: &[u8]) -> Result<(), Failure> {
+    let fail = |error: std::io::Error| Failure::other(format!("cannot write {}: {error}", path.display()));
+    let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    std::fs::create_dir_all(directory).map_err(fail)?;
+    let mut file = tempfile::NamedTempFile::new_in(directory).map_err(fail)?;
+    file.write_all(content).map_err(fail)?;
+    file.persist(path).map_err(|error| fail(error.error))?;
+    Ok(())
+}
+
+/// Name of a record in the output directory.
+pub const RECORD_FILE: &str = "record.csv";
+
+/// Writes a record that a verb made: to `path`, else to stdout. With `--json`, stdout gets one object: where the record
+/// is, or its columns (null for a missing sample), and the configuration.
+///
+/// # Errors
+/// The file or stdout cannot be written.
+pub fn record(
+    common: &Common,
+    record: &Record,
+    comments: &[String],
+    path: Option<&Path>,
+    mut config: Value,
+) -> Result<(), Failure> {
+    let mut text = Vec::new();
+    write_csv(record, comments, &mut text).map_err(Failure::other)?;
+    if let Some(path) = path {
+        write_file(path, &text)?;
+        log(common, &format!("wrote {} samples to {}", record.len(), path.display()));
+    } else if !common.json {
+        return print(String::from_utf8_lossy(&text).trim_end());
+    }
+    if !common.json {
+        return Ok(());
+    }
+    config["version"] = json!(env!("CARGO_PKG_VERSION"));
+    let mut result = json!({
+        "schema": SCHEMA,
+        "samples": record.len(),
+        "sample_period_s": record.sample_period_s(),
+        "start_time_s": record.start_time_s(),
+        "seed": common.seed,
+        "config": config,
+    });
+    if let Some(path) = path {
+        result["file"] = json!(path.display().to_string());
+    } else {
+        let columns = record.channels().map(|(channel, values)| {
+            (channel.info().column.to_owned(), values.iter().map(|&value| number(value)).collect())
+        });
+        result["columns"] = Value::Object(columns.collect());
+    }
+    print_json(&result)
+}
+
+/// Path of a file in the output directory, if there is one.
+pub fn out_path(common: &Common, name: &str) -> Option<PathBuf> {
+    common.out.as_ref().map(|directory| directory.join(name))
+}
+
+/// Three or four significant digits with a unit that reads well: metres as mm or um.
+pub fn quantity(value: f64, unit: &str) -> String {
+    if !value.is_finite() {
+        return "-".to_owned();
+    }
+    match unit {
+        "m" if value.abs() >= 1e-3 => format!("{:.4} mm", value * 1e3),
+        "m" => format!("{:.3} um", value * 1e6),
+        "1" => format!("{value:.4}"),
+        _ if value != 0.0 && !(1e-2..1e6).contains(&value.abs()) => format!("{value:.4e} {unit}"),
+        _ => format!("{value:.3} {unit}"),
+    }
+}
+
+/// A number for JSON: null where it is not finite.
+pub fn number(value: f64) -> Value {
+    if value.is_finite() { json!(value) } else { Value::Null }
+}
+
+/// An estimate as JSON.
+pub fn estimate_json(estimate: &Estimate) -> Value {
+    let info = estimate.parameter.info();
+    json!({
+        "name": info.name,
+        "value": number(estimate.value),
+        "standard_error": number(estimate.standard_error),
+        "ci95": [number(estimate.ci95[0]), number(estimate.ci95[1])],
+        "unit": info.unit,
+    })
+}
+
+/// Estimates as a table.
+pub fn estimate_table(fit: &Fit) -> Table {
+    let mut table = table(["parameter", "symbol", "value", "95 % interval", "standard error"]);
+    for estimate in &fit.estimates {
+        let info = estimate.parameter.info();
+        table.add_row([
+            info.name.to_owned(),
+            info.symbol.to_owned(),
+            quantity(estimate.value, info.unit),
+            format!("{} to {}", quantity(estimate.ci95[0], info.unit), quantity(estimate.ci95[1], info.unit)),
+            quantity(estimate.standard_error, info.unit),
+        ]);
+    }
+    table
+}
+
+/// Residual and noise of each channel as a table.
+pub fn residual_table(fit: &Fit, source: &[NoiseSource]) -> Table {
+    let mut table = table(["channel", "residual rms", "noise", "noise from"]);
+    for (index, channel) in Channel::MEASURED.into_iter().enumerate() {
+        let (Some(rms), info) = (fit.residual_rms[index], channel.info()) else { continue };
+        table.add_row([
+            info.column.to_owned(),
+            quantity(rms, info.unit),
+            quantity(fit.noise[index], info.unit),
+            match source[index] {
+                NoiseSource::Rig => "rig".to_owned(),
+                NoiseSource::Estimated | NoiseSource::Absent => "record".to_owned(),
+            },
+        ]);
+    }
+    table
+}
+
+/// Why a search ended, in words.
+pub fn stop_words(stop: StopReason) -> &'static str {
+    match stop {
+        StopReason::NoiseReached => "noise-reached",
+        StopReason::Settled => "settled",
+        StopReason::Budget => "budget",
+    }
+}
+
+/// Strong correlations of the estimates, in words.
+pub fn correlation_warnings(fit: &Fit) -> Vec<String> {
+    let mut warnings = Vec::new();
+    for (row, first) in fit.estimates.iter().enumerate() {
+        for (column, second) in fit.estimates.iter().enumerate().take(row) {
+            let correlation = fit.correlation[row][column];
+            if correlation.abs() > 0.95 {
+                warnings.push(format!(
+                    "{} and {} are told apart badly by these records (correlation {correlation:.3})",
+                    second.parameter.info().name,
+                    first.parameter.info().name
+                ));
+            }
+        }
+    }
+    warnings
+}
+
+/// The configuration that a result was made with, resolved.
+pub fn config_json(common: &Common, rig: &Rig, ranges: &[Range], records: &[String]) -> Value {
+    let parameters: Map<String, Value> = rig
+        .changed()
+        .into_iter()
+        .map(|(parameter, value)| (parameter.info().name.to_owned(), json!(value)))
+        .collect();
+    json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "seed": common.seed,
+        "rig": rig.name,
+        "model": {
+            "valve": format!("{:?}", rig.form.valve),
+            "feedback": format!("{:?}", rig.form.feedback),
+            "drive": format!("{:?}", rig.form.drive),
+        },
+        "parameters": parameters,
+        "effects": rig.effects.iter().map(|effect| effect.name).collect::<Vec<_>>(),
+        "free": ranges.iter().map(|range| json!({
+            "name": range.parameter.info().name, "lower": range.lower, "upper": range.upper,
+        })).collect::<Vec<_>>(),
+        "records": records,
+    })
+}

@@ -1,0 +1,110 @@
+//! The actuator as a source of data: a model run through a command, sampled, with sensor noise.
+
+use crate::failure::Failure;
+use crate::record::Record;
+use eha_monitor::channel::Channel;
+use eha_monitor::integrate::Stepper;
+use eha_monitor::integrate::midpoint::Midpoint;
+use eha_monitor::model::state::{Input, InputSegment, Outputs};
+use eha_monitor::model::{Drive, Form, Model};
+use eha_monitor::parameter::Parameters;
+use eha_monitor::simulate::Actuator;
+use rand_distr::{Distribution, Normal};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rand_xoshiro::rand_core::{Rng, SeedableRng};
+
+/// What drives the actuator, one value a sample.
+#[derive(Clone, Debug)]
+pub struct Excitation {
+    /// Sample period, s.
+    pub sample_period: f64,
+    /// Commanded position, m.
+    pub command: Vec<f64>,
+    /// External load against extension, N; empty where there is none.
+    pub load: Vec<f64>,
+    /// Driving force in place of the valve, N; empty where the valve drives.
+    pub drive: Vec<f64>,
+}
+
+/// What the sensors do to the channels.
+#[derive(Clone, Debug, Default)]
+pub struct Sensing {
+    /// Standard deviation of the noise of a channel, in its unit.
+    pub noise: Vec<(Channel, f64)>,
+    /// Step in which a channel is read, in its unit.
+    pub quantum: Vec<(Channel, f64)>,
+    /// Chance that a sample of a measured channel is missing.
+    pub dropout: f64,
+}
+
+/// Runs a model through an excitation, from rest at the first commanded position, in steps of at most `step` s.
+pub fn run(
+    form: Form,
+    parameters: &Parameters<f64>,
+    excitation: &Excitation,
+    step: f64,
+) -> Vec<Outputs<f64>> {
+    let period = excitation.sample_period;
+    let actuator = Actuator::new(Model::new(form, parameters), period);
+    let force = |index: usize| {
+        let value = |series: &[f64]| series.get(index).copied().unwrap_or(0.0);
+        value(&excitation.drive) - value(&excitation.load)
+    };
+    let mut stepper = Midpoint::new(step);
+    stepper.begin(period, true, true);
+    let first = excitation.command.first().copied().unwrap_or(0.0);
+    let input = Input { command: first, command_rate: 0.0, force: force(0) };
+    let mut motion = actuator.at_rest(first, &input);
+    let mut outputs = Vec::with_capacity(excitation.command.len());
+    outputs.push(actuator.measure(&mut motion, &input));
+    for index in 1..excitation.command.len() {
+        let segment = InputSegment::between(
+            [excitation.command[index - 1], excitation.command[index]],
+            [force(index - 1), force(index)],
+            (index - 1) as f64 * period,
+            1.0 / period,
+        );
+        actuator.advance(&mut stepper, &mut motion, &segment);
+        outputs.push(actuator.measure(&mut motion, &segment.at(period)));
+    }
+    outputs
+}
+
+/// The record that the sensors make of a run.
+///
+/// # Errors
+/// The record is not one (see [`Record::new`]): too short, or nothing moves.
+pub fn record(
+    name: &str,
+    form: Form,
+    excitation: &Excitation,
+    outputs: &[Outputs<f64>],
+    sensing: &Sensing,
+    seed: u64,
+) -> Result<Record, Failure> {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let mut channels = vec![(Channel::Command, excitation.command.clone())];
+    for (channel, series) in [(Channel::Load, &excitation.load), (Channel::Drive, &excitation.drive)] {
+        if !series.is_empty() {
+            channels.push((channel, series.clone()));
+        }
+    }
+    let lookup = |list: &[(Channel, f64)], channel: Channel| {
+        list.iter().find(|(known, _)| *known == channel).map_or(0.0, |&(_, value)| value)
+    };
+    for (index, channel) in Channel::MEASURED.into_iter().enumerate() {
+        if form.drive == Drive::Force && matches!(channel, Channel::Current | Channel::Pressure) {
+            continue;
+        }
+        let noise = Normal::new(0.0, lookup(&sensing.noise, channel)).map_err(Failure::usage)?;
+        let quantum = lookup(&sensing.quantum, channel);
+        let values = outputs.iter().map(|output| {
+            let value = output.to_array()[index] + noise.sample(&mut random);
+            let read = if quantum > 0.0 { (value / quantum).round() * quantum } else { value };
+            let draw = (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
+            if draw < sensing.dropout { f64::NAN } else { read }
+        });
+        channels.push((channel, values.collect()));
+    }
+    Ok(Record::new(name, excitation.sample_period, 0.0, channels)?)
+}

@@ -1,0 +1,46 @@
+//! `calibrate`: the free parameters of a rig from records.
+
+use super::{FitOptions, converged, fit_records, identify};
+use crate::cli::Common;
+use crate::failure::Failure;
+use crate::output;
+use crate::rig::{self, Rig};
+
+/// Rig that is calibrated unless the user names one.
+const DEFAULT_RIG: &str = "servo-hydraulic";
+
+/// Options of `calibrate`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Options {
+    #[command(flatten)]
+    fit: FitOptions,
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// Usage, bad data, or no convergence; with the latter, no rig file is written.
+pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
+    let fitted = fit_records(common, &options.fit, DEFAULT_RIG, |rig| rig.free.clone())?;
+    let result = identify::json(common, &fitted, "parameters");
+    if common.json {
+        output::print_json(&result)?;
+    } else {
+        identify::print(common, &fitted)?;
+    }
+    converged(&fitted.fit)?;
+    if let Some(path) = output::out_path(common, "rig.toml") {
+        let calibrated = Rig { parameters: fitted.fit.parameters, ..fitted.rig };
+        let comments = [
+            format!("calibrated on {} by host-sim {}", fitted.names.join(", "), env!("CARGO_PKG_VERSION")),
+            format!(
+                "residual {} rms, seed {}",
+                output::quantity(fitted.fit.position_rms(), "m"),
+                common.seed
+            ),
+        ];
+        output::write_file(&path, rig::write(&calibrated, &comments).as_bytes())?;
+        output::log(common, &format!("wrote {}", path.display()));
+    }
+    Ok(())
+}

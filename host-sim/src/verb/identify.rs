@@ -1,0 +1,95 @@
+//! `identify`: the declared faults from records.
+
+use super::{DEFAULT_RIG, FitOptions, Fitted, converged, fit_records};
+use crate::cli::Common;
+use crate::failure::Failure;
+use crate::output::{self, SCHEMA};
+use serde_json::{Value, json};
+
+/// Options of `identify`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Options {
+    #[command(flatten)]
+    fit: FitOptions,
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// Usage, bad data, or no convergence.
+pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
+    let fitted = fit_records(common, &options.fit, DEFAULT_RIG, |rig| rig.faults.clone())?;
+    let result = json(common, &fitted, "faults");
+    if let Some(path) = output::out_path(common, "identify.json") {
+        output::write_file(&path, serde_json::to_string_pretty(&result).map_err(Failure::other)?.as_bytes())?;
+    }
+    if common.json {
+        output::print_json(&result)?;
+    } else {
+        print(common, &fitted)?;
+    }
+    converged(&fitted.fit)
+}
+
+/// The result as JSON; `list` names the list of estimates.
+pub(super) fn json(common: &Common, fitted: &Fitted, list: &str) -> Value {
+    let fit = &fitted.fit;
+    let mut result = json!({
+        "schema": SCHEMA,
+        "residual_rms_m": output::number(fit.position_rms()),
+        "evaluations": fit.evaluations,
+        "generations": fit.generations,
+        "seconds": fit.seconds,
+        "seconds_per_generation": fit.seconds_per_generation,
+        "stop": output::stop_words(fit.stop),
+        "mean_square": output::number(fit.misfit.mean_square()),
+        "correlation": fit.correlation.iter().map(|row| row.iter().map(|&c| output::number(c)).collect::<Vec<_>>()).collect::<Vec<_>>(),
+        "warnings": output::correlation_warnings(fit),
+        "seed": common.seed,
+        "config": output::config_json(common, &fitted.rig, &fitted.ranges, &fitted.names),
+    });
+    result[list] = fit.estimates.iter().map(output::estimate_json).collect();
+    result
+}
+
+/// The result as tables.
+pub(super) fn print(common: &Common, fitted: &Fitted) -> Result<(), Failure> {
+    let fit = &fitted.fit;
+    output::print(&output::estimate_table(fit).to_string())?;
+    output::print(&output::residual_table(fit, &fitted.noise_source).to_string())?;
+    output::print(&format!(
+        "{} samples in {} records; {} evaluations, {} generations, {:.2} ms a generation, {:.3} s in all; {}; seed {}",
+        fitted.prepared.iter().map(crate::fit::Prepared::len).sum::<usize>(),
+        fitted.prepared.len(),
+        fit.evaluations,
+        fit.generations,
+        fit.seconds_per_generation * 1e3,
+        fit.seconds,
+        output::stop_words(fit.stop),
+        common.seed,
+    ))?;
+    output::print(&configuration(fitted))?;
+    for warning in output::correlation_warnings(fit) {
+        output::print(&format!("note: {warning}"))?;
+    }
+    if fit.misfit.mean_square() > 2.0 {
+        output::print(&format!(
+            "note: the residual is {:.1} times the noise: the model lacks something; `diagnose` looks for it",
+            fit.misfit.mean_square().sqrt()
+        ))?;
+    }
+    Ok(())
+}
+
+/// The resolved configuration in a line.
+fn configuration(fitted: &Fitted) -> String {
+    let ranges: Vec<String> = fitted
+        .ranges
+        .iter()
+        .map(|range| {
+            let info = range.parameter.info();
+            format!("{} {} to {} {}", info.name, range.lower, range.upper, info.unit)
+        })
+        .collect();
+    format!("host-sim {}; rig {}; free {}", env!("CARGO_PKG_VERSION"), fitted.rig.name, ranges.join(", "))
+}

@@ -1,0 +1,132 @@
+//! `effects`, `commands`, `rigs`: what is known, from the tables that the program runs on.
+
+use crate::cli::Common;
+use crate::failure::Failure;
+use crate::output::{self, SCHEMA};
+use crate::rig::{self, BUILT_IN, Rig};
+use eha_monitor::command::{COMMANDS, Shape};
+use eha_monitor::effect::EFFECTS;
+use eha_monitor::parameter::{Parameter, ParameterInfo};
+use serde_json::{Value, json};
+
+fn parameter_json(info: &ParameterInfo) -> Value {
+    json!({
+        "name": info.name, "symbol": info.symbol, "unit": info.unit, "default": info.default,
+        "lower": info.lower, "upper": info.upper, "description": info.description,
+    })
+}
+
+/// Lists the effects.
+///
+/// # Errors
+/// Stdout cannot be written.
+pub fn effects(common: &Common) -> Result<(), Failure> {
+    if common.json {
+        let list: Vec<Value> = EFFECTS
+            .iter()
+            .map(|effect| {
+                let parameters: Vec<Value> =
+                    effect.parameters.iter().map(|parameter| parameter_json(parameter.info())).collect();
+                json!({
+                    "name": effect.name, "port": effect.port.name(), "equation": effect.equation,
+                    "parameters": parameters,
+                })
+            })
+            .collect();
+        return output::print_json(&json!({ "schema": SCHEMA, "effects": list }));
+    }
+    let mut table = output::table(["effect", "port", "parameter", "unit", "absent", "range"]);
+    for column in table.column_iter_mut() {
+        column.set_cell_alignment(comfy_table::CellAlignment::Left);
+    }
+    for effect in EFFECTS {
+        for (index, parameter) in effect.parameters.iter().enumerate() {
+            let info = parameter.info();
+            let first = index == 0;
+            table.add_row([
+                if first { effect.name.to_owned() } else { String::new() },
+                if first { effect.port.name().to_owned() } else { String::new() },
+                info.name.to_owned(),
+                info.unit.to_owned(),
+                info.default.to_string(),
+                format!("{} to {}", info.lower, info.upper),
+            ]);
+        }
+        table.add_row([String::new(), String::new(), effect.equation.to_owned()]);
+    }
+    output::print(&table.to_string())
+}
+
+/// Lists the commands.
+///
+/// # Errors
+/// Stdout cannot be written.
+pub fn commands(common: &Common) -> Result<(), Failure> {
+    if common.json {
+        let list: Vec<Value> = COMMANDS
+            .iter()
+            .map(|command| {
+                json!({
+                    "name": command.name, "description": command.description,
+                    "amplitude": { "value": command.amplitude, "unit": if command.shape == Shape::Ramp { "m/s" } else { "m" } },
+                    "frequency_Hz": command.frequency, "end_frequency_Hz": command.end_frequency,
+                    "sweep_s": command.sweep,
+                })
+            })
+            .collect();
+        return output::print_json(&json!({ "schema": SCHEMA, "commands": list }));
+    }
+    let mut table = output::table(["command", "what it does"]);
+    for command in &COMMANDS {
+        table.add_row([command.name, command.description]);
+    }
+    for column in table.column_iter_mut() {
+        column.set_cell_alignment(comfy_table::CellAlignment::Left);
+    }
+    output::print(&table.to_string())
+}
+
+/// Options of `rigs`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct RigsOptions {
+    /// A built-in rig or a rig file to show whole, as a rig file.
+    name: Option<String>,
+}
+
+/// Lists the rigs, or shows one.
+///
+/// # Errors
+/// Usage: no such rig.
+pub fn rigs(common: &Common, options: &RigsOptions) -> Result<(), Failure> {
+    if let Some(name) = &options.name {
+        let rig = Rig::load(name)?;
+        if common.json {
+            let parameters: Vec<Value> = Parameter::all()
+                .map(|parameter| {
+                    let mut row = parameter_json(parameter.info());
+                    row["value"] = json!(rig.parameters.get(parameter));
+                    row
+                })
+                .collect();
+            return output::print_json(&json!({
+                "schema": SCHEMA, "config": output::config_json(common, &rig, &rig.free, &[]), "parameters": parameters,
+            }));
+        }
+        return output::print(rig::write(&rig, &[format!("rig `{name}`")]).trim_end());
+    }
+    if common.json {
+        let list: Vec<Value> = BUILT_IN
+            .iter()
+            .map(|built_in| json!({ "name": built_in.name, "description": built_in.description }))
+            .collect();
+        return output::print_json(&json!({ "schema": SCHEMA, "rigs": list }));
+    }
+    let mut table = output::table(["rig", "what it is"]);
+    for built_in in &BUILT_IN {
+        table.add_row([built_in.name, built_in.description]);
+    }
+    for column in table.column_iter_mut() {
+        column.set_cell_alignment(comfy_table::CellAlignment::Left);
+    }
+    output::print(&table.to_string())
+}

@@ -1,0 +1,296 @@
+//! `reproduce`: the source's twelve cases, its result beside ours, and its findings about the search checked.
+
+use crate::cli::Common;
+use crate::failure::Failure;
+use crate::fit::{self, Fit, FitSettings};
+use crate::output::{self, SCHEMA};
+use crate::plant::{self, Excitation, Sensing};
+use crate::record::Record;
+use crate::rig::{BUILT_IN, Rig};
+use crate::thesis::{BKL_BOUNDS, CASES, Case};
+use eha_monitor::channel::Channel;
+use eha_monitor::command::{Command, CommandInfo};
+use eha_monitor::fit::problem::{Free, Problem};
+use eha_monitor::ga::{Settings as SearchSettings, SteadyState};
+use eha_monitor::integrate::exact::Exact;
+use eha_monitor::model::state::BASE_ORDER;
+use eha_monitor::parameter::Parameter;
+use rayon::prelude::*;
+use serde_json::{Value, json};
+use std::time::Instant;
+
+/// Samples of a case: 1 s at 1 kHz.
+const SAMPLES: usize = 1001;
+/// Weights of the channels: the noise of the sensors that the design assumes.
+const NOISE: [f64; 4] = [5e-6, f64::INFINITY, 0.02, f64::INFINITY];
+/// Longest step of the HF model, s.
+const PLANT_STEP: f64 = 1e-6;
+/// Seeds of each row of the table of findings.
+const SEEDS: u64 = 15;
+/// Evaluations of each search in the table of findings.
+const SEARCH_BUDGET: u32 = 400;
+
+/// Options of `reproduce`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Options {
+    /// Make the data with the LF model, so that only the search is judged.
+    #[arg(long)]
+    lf_data: bool,
+    /// Leave out the table of findings about the search.
+    #[arg(long)]
+    cases_only: bool,
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// Stdout cannot be written.
+pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
+    let started = Instant::now();
+    let bar = output::bar(common, CASES.len() as u64, "reproducing");
+    let results: Vec<(Case, Fit)> = CASES
+        .par_iter()
+        .map(|case| {
+            let record = record(case.command, case.bkl, case.fdj, !options.lf_data)?;
+            let fit = identify(common.seed, case, &record);
+            bar.inc(1);
+            Ok((*case, fit))
+        })
+        .collect::<Result<_, Failure>>()?;
+    bar.finish_and_clear();
+    let findings = if options.cases_only { Vec::new() } else { findings(common.seed)? };
+    let seconds = started.elapsed().as_secs_f64();
+    let cases: Vec<Value> = results.iter().map(|(case, fit)| case_json(case, fit)).collect();
+    let findings_json: Vec<Value> = findings
+        .iter()
+        .map(|finding| {
+            json!({ "question": finding.question, "setting": finding.setting,
+                    "median_error_percent": finding.median, "worst_error_percent": finding.worst })
+        })
+        .collect();
+    let result = json!({
+        "schema": SCHEMA, "cases": cases, "findings": findings_json, "seconds": seconds, "seed": common.seed,
+        "config": { "version": env!("CARGO_PKG_VERSION"), "data": if options.lf_data { "lf" } else { "hf" },
+                    "samples": SAMPLES, "plant_step_s": PLANT_STEP, "channels": ["lvdt_m", "current_mA"] },
+    });
+    if let Some(path) = output::out_path(common, "reproduce.json") {
+        output::write_file(&path, serde_json::to_string_pretty(&result).map_err(Failure::other)?.as_bytes())?;
+        output::log(common, &format!("wrote {}", path.display()));
+    }
+    if common.json {
+        return output::print_json(&result);
+    }
+    print_cases(&results)?;
+    if !findings.is_empty() {
+        print_findings(&findings)?;
+    }
+    output::print(&format!(
+        "total {seconds:.2} s (the source: 3532 to 10208 s for one case); seed {}",
+        common.seed
+    ))
+}
+
+/// Noise-free record of the source's actuator.
+fn record(command: &str, bkl: f64, fdj: f64, high_fidelity: bool) -> Result<Record, Failure> {
+    let mut rig = (BUILT_IN[0].make)();
+    rig.parameters.bkl = bkl;
+    rig.parameters.fdj = fdj;
+    rig.parameters.metering_blend = if high_fidelity { 1.0 } else { 0.0 };
+    let info = CommandInfo::named(command).ok_or_else(|| Failure::other(format!("no command {command}")))?;
+    let command = Command::<f64>::new(info);
+    let excitation = Excitation {
+        sample_period: 1e-3,
+        command: (0..SAMPLES).map(|sample| command.at(sample as f64 * 1e-3)).collect(),
+        load: Vec::new(),
+        drive: Vec::new(),
+    };
+    let outputs = plant::run(rig.form, &rig.parameters, &excitation, PLANT_STEP);
+    plant::record(info.name, rig.form, &excitation, &outputs, &Sensing::default(), 0)
+}
+
+fn identify(seed: u64, case: &Case, record: &Record) -> Fit {
+    let rig: Rig = (BUILT_IN[0].make)();
+    let prepared = [fit::prepare(&rig, record, NOISE[0])];
+    let settings = FitSettings { seed, population: case.population, ..FitSettings::default() };
+    fit::fit(&rig, &case.ranges(), &prepared, NOISE, &settings, |_| {})
+}
+
+fn faults(fit: &Fit) -> (f64, f64) {
+    let value = |parameter| fit.estimate(parameter).map_or(f64::NAN, |estimate| estimate.value);
+    (value(Parameter::Backlash), value(Parameter::DryFriction))
+}
+
+fn case_json(case: &Case, fit: &Fit) -> Value {
+    let (bkl, fdj) = faults(fit);
+    json!({
+        "case": case.number,
+        "command": case.command,
+        "input": { "bkl": case.bkl, "fdj": case.fdj },
+        "source": {
+            "bkl": case.source_bkl, "fdj": case.source_fdj,
+            "mean_error_percent": case.mean_error_percent(case.source_bkl, case.source_fdj),
+        },
+        "before": {
+            "bkl": bkl, "fdj": fdj, "mean_error_percent": case.mean_error_percent(bkl, fdj),
+            "residual_rms_m": fit.position_rms(), "seconds": fit.seconds, "evaluations": fit.evaluations,
+            "generations": fit.generations, "seconds_per_generation": fit.seconds_per_generation,
+        },
+        "after": Value::Null,
+    })
+}
+
+fn print_cases(results: &[(Case, Fit)]) -> Result<(), Failure> {
+    let mut table = output::table([
+        "case",
+        "command",
+        "BKL mm",
+        "FDJ N",
+        "source BKL",
+        "source FDJ",
+        "error %",
+        "our BKL",
+        "our FDJ",
+        "error %",
+        "residual um",
+        "evals",
+        "gens",
+        "ms/gen",
+        "s",
+    ]);
+    for (case, fit) in results {
+        let (bkl, fdj) = faults(fit);
+        table.add_row([
+            case.number.to_string(),
+            case.command.to_owned(),
+            format!("{:.3}", case.bkl * 1e3),
+            format!("{:.0}", case.fdj),
+            format!("{:.4}", case.source_bkl * 1e3),
+            format!("{:.1}", case.source_fdj),
+            format!("{:.2}", case.mean_error_percent(case.source_bkl, case.source_fdj)),
+            format!("{:.4}", bkl * 1e3),
+            format!("{fdj:.1}"),
+            format!("{:.3}", case.mean_error_percent(bkl, fdj)),
+            format!("{:.3}", fit.position_rms() * 1e6),
+            fit.evaluations.to_string(),
+            fit.generations.to_string(),
+            format!("{:.2}", fit.seconds_per_generation * 1e3),
+            format!("{:.3}", fit.seconds),
+        ]);
+    }
+    output::print(&table.to_string())
+}
+
+/// One row of the table of findings.
+struct Finding {
+    question: &'static str,
+    setting: &'static str,
+    median: f64,
+    worst: f64,
+}
+
+/// How a search of the table of findings differs from the plain one.
+#[derive(Clone, Copy)]
+struct Variant {
+    question: &'static str,
+    setting: &'static str,
+    command: &'static str,
+    fdj_bounds: [f64; 2],
+    population: usize,
+    raw_genes: bool,
+}
+
+/// The source's findings about its search, put to ours: the genetic algorithm alone, without the Gauss-Newton finish,
+/// on noise-free LF data of one mixed fault.
+fn findings(seed: u64) -> Result<Vec<Finding>, Failure> {
+    let plain = Variant {
+        question: "command",
+        setting: "chirp",
+        command: "chirp",
+        fdj_bounds: [200.0, 4000.0],
+        population: 20,
+        raw_genes: false,
+    };
+    let variants = [
+        plain,
+        Variant { setting: "mixed", command: "mixed", ..plain },
+        Variant { question: "bounds of FDJ", setting: "wide, 200 to 4000 N", ..plain },
+        Variant {
+            question: "bounds of FDJ",
+            setting: "narrow, 200 to 900 N",
+            fdj_bounds: [200.0, 900.0],
+            ..plain
+        },
+        Variant { question: "population", setting: "20", ..plain },
+        Variant { question: "population", setting: "40", population: 40, ..plain },
+        Variant { question: "population", setting: "50", population: 50, ..plain },
+        Variant { question: "genes", setting: "normalised", ..plain },
+        Variant { question: "genes", setting: "raw (one mutation step for both)", raw_genes: true, ..plain },
+    ];
+    variants.par_iter().map(|variant| variant.judge(seed)).collect()
+}
+
+impl Variant {
+    fn judge(&self, first_seed: u64) -> Result<Finding, Failure> {
+        let case = Case { bkl: 2e-4, fdj: 800.0, fdj_bounds: self.fdj_bounds, ..CASES[1] };
+        let record = record(self.command, case.bkl, case.fdj, false)?;
+        let rig: Rig = (BUILT_IN[0].make)();
+        let prepared = fit::prepare(&rig, &record, NOISE[0]);
+        let free: Vec<Free<f64>> = case
+            .ranges()
+            .iter()
+            .map(|range| Free { parameter: range.parameter, lower: range.lower, upper: range.upper })
+            .collect();
+        let records = [prepared.as_core()];
+        let problem = Problem {
+            form: rig.form,
+            parameters: rig.parameters,
+            free: &free,
+            records: &records,
+            noise: NOISE,
+        };
+        let mut stepper = Exact::<f64, BASE_ORDER, 32>::new();
+        let mut errors: Vec<f64> = (first_seed..first_seed + SEEDS)
+            .map(|seed| {
+                let settings = SearchSettings { population: self.population, ..SearchSettings::default() };
+                let mut search =
+                    SteadyState::<f64, 2, { fit::MAX_POPULATION }>::new(settings, free.len(), seed);
+                if self.raw_genes {
+                    // A step that suits the friction (thousands) throws the backlash (thousandths) across its range.
+                    let ratio = (case.fdj_bounds[1] - case.fdj_bounds[0]) / (BKL_BOUNDS[1] - BKL_BOUNDS[0]);
+                    search.set_mutation_scale(0, ratio);
+                }
+                for _ in 0..SEARCH_BUDGET {
+                    let genes = search.ask();
+                    search.tell(problem.misfit(&genes, &mut stepper).mean_square());
+                }
+                let genes = search.best().map_or([0.0; 2], |(genes, _)| *genes);
+                case.mean_error_percent(free[0].value(genes[0]), free[1].value(genes[1]))
+            })
+            .collect();
+        errors.sort_by(f64::total_cmp);
+        Ok(Finding {
+            question: self.question,
+            setting: self.setting,
+            median: errors[errors.len() / 2],
+            worst: errors[errors.len() - 1],
+        })
+    }
+}
+
+fn print_findings(findings: &[Finding]) -> Result<(), Failure> {
+    let mut table = output::table(["what the source varied", "setting", "median error %", "worst error %"]);
+    for finding in findings {
+        table.add_row([
+            finding.question.to_owned(),
+            finding.setting.to_owned(),
+            format!("{:.3}", finding.median),
+            format!("{:.3}", finding.worst),
+        ]);
+    }
+    output::print(&format!(
+        "genetic algorithm alone, {SEARCH_BUDGET} evaluations, {SEEDS} seeds, LF data with BKL 0.2 mm and FDJ 800 N, {} and {}:",
+        Channel::UserPosition.info().column,
+        Channel::Current.info().column
+    ))?;
+    output::print(&table.to_string())
+}

@@ -1,0 +1,306 @@
+//! `simulate`: a record from the HF or the LF model.
+
+use crate::cli::Common;
+use crate::failure::Failure;
+use crate::output;
+use crate::plant::{self, Excitation, Sensing};
+use crate::record::read_csv;
+use crate::rig::{channel_named, parameter_named, unknown};
+use clap::ValueEnum;
+use eha_monitor::channel::{Channel, ChannelRole};
+use eha_monitor::command::{COMMANDS, Command, CommandInfo, cosine_of_turns, sine_of_turns};
+use eha_monitor::effect::{EFFECTS, EffectInfo};
+use eha_monitor::model::Drive;
+use serde_json::{Map, Value, json};
+use std::path::PathBuf;
+
+/// Which model makes the data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Fidelity {
+    /// High fidelity: square-root metering.
+    Hf,
+    /// Low fidelity: the monitor's own model, linear fluid.
+    Lf,
+}
+
+/// Options of `simulate`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Options {
+    /// Model.
+    #[arg(long, value_enum, default_value_t = Fidelity::Hf)]
+    model: Fidelity,
+    /// Command (see `commands`), or a CSV file whose command, load and force are flown again.
+    #[arg(long, default_value = "chirp", value_name = "NAME|FILE.csv")]
+    command: String,
+    /// Amplitude of the command in place of its own, m (ramp: m/s).
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    amplitude: Option<f64>,
+    /// Frequency of the command in place of its own, Hz (chirp: at its start).
+    #[arg(long, value_name = "HZ")]
+    frequency: Option<f64>,
+    /// Chirp: frequency at the end of the sweep, Hz.
+    #[arg(long, value_name = "HZ")]
+    end_frequency: Option<f64>,
+    /// Chirp: duration of the sweep, s.
+    #[arg(long, value_name = "S")]
+    sweep: Option<f64>,
+    /// Duration, s.
+    #[arg(long, default_value_t = 1.0, value_name = "S")]
+    duration: f64,
+    /// Sample period, s.
+    #[arg(long, default_value_t = 1e-3, value_name = "S")]
+    period: f64,
+    /// Longest step of the integration, s.
+    #[arg(long, default_value_t = 1e-6, value_name = "S")]
+    step: f64,
+    /// Value of a parameter or fault: `bkl=2e-4`, `FDJ=800` (names and symbols as `rigs eha --json` lists them).
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    set: Vec<String>,
+    /// Effect with the values of its parameters, in the order of `effects`: `spool-overlap=12e-6`, `step-load=300,0.4`.
+    #[arg(long = "effect", value_name = "NAME=VALUE[,VALUE]")]
+    effects: Vec<String>,
+    /// External load on the jack, N: `constant:500`, `ramp:1000` (N/s), `sine:500:2` (amplitude, Hz).
+    #[arg(long, value_name = "SHAPE:N[:HZ]")]
+    load: Option<String>,
+    /// Sensor noise (standard deviation) of a channel: `lvdt_m=5e-6`.
+    #[arg(long, value_delimiter = ',', value_name = "CHANNEL=VALUE")]
+    noise: Vec<String>,
+    /// Step in which a channel is read: `lvdt_m=1e-6`.
+    #[arg(long, value_delimiter = ',', value_name = "CHANNEL=VALUE")]
+    quantum: Vec<String>,
+    /// Chance that a sample of a measured channel is missing.
+    #[arg(long, default_value_t = 0.0)]
+    dropout: f64,
+    /// Measured channels to write; all by default.
+    #[arg(long, value_delimiter = ',', value_name = "CHANNEL")]
+    channels: Vec<String>,
+    /// Where to write the record; `record.csv` in the directory of `--out` by default, else stdout.
+    #[arg(long, short, value_name = "REC.csv")]
+    output: Option<PathBuf>,
+}
+
+/// Most samples of a simulated record.
+const MAX_SAMPLES: f64 = 1e7;
+
+/// Runs the verb.
+///
+/// # Errors
+/// Usage: an unknown name or a value out of range, or options that make no record (too short, or nothing moves).
+pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
+    let mut rig = super::rig(common, super::DEFAULT_RIG)?;
+    if options.model == Fidelity::Hf && rig.form.drive == Drive::Valve {
+        rig.parameters.metering_blend = 1.0;
+    }
+    for text in &options.set {
+        let (name, value) = assignment(text)?;
+        set(&mut rig.parameters, parameter_named(name)?, number(text, value)?)?;
+    }
+    for text in &options.effects {
+        let (name, values) = assignment(text)?;
+        let Some(effect) = EffectInfo::named(name) else {
+            return Err(Failure::usage(unknown("effect", name, EFFECTS.iter().map(|entry| entry.name))));
+        };
+        let values: Vec<&str> = values.split(',').collect();
+        if values.len() != effect.parameters.len() {
+            let names: Vec<&str> = effect.parameters.iter().map(|parameter| parameter.info().name).collect();
+            return Err(Failure::usage(format!("effect `{name}`: expected values of {}", names.join(","))));
+        }
+        for (&parameter, value) in effect.parameters.iter().zip(values) {
+            set(&mut rig.parameters, parameter, number(text, value)?)?;
+        }
+    }
+    let excitation = excitation(options, rig.form.drive)?;
+    let outputs = plant::run(rig.form, &rig.parameters, &excitation, positive("step", options.step)?);
+    let sensing = Sensing {
+        noise: channel_values(&options.noise)?,
+        quantum: channel_values(&options.quantum)?,
+        dropout: options.dropout,
+    };
+    if !(0.0..1.0).contains(&options.dropout) {
+        return Err(Failure::usage(format!("--dropout {}: expected 0 to below 1", options.dropout)));
+    }
+    let record = plant::record("simulation", rig.form, &excitation, &outputs, &sensing, common.seed)
+        .map_err(|failure| Failure::usage(format!("these options make no record: {failure}")))?;
+    let record = if options.channels.is_empty() { record } else { keep(&record, &options.channels)? };
+    let mut comments = vec![
+        format!("host-sim {} simulate, seed {}", env!("CARGO_PKG_VERSION"), common.seed),
+        format!(
+            "rig {}, model {:?}, command {}, step {} s",
+            rig.name, options.model, options.command, options.step
+        ),
+    ];
+    for (parameter, value) in rig.changed() {
+        comments.push(format!("{} = {value} {}", parameter.info().name, parameter.info().unit));
+    }
+    for (what, list) in [("noise", &sensing.noise), ("quantum", &sensing.quantum)] {
+        for (channel, value) in list {
+            comments.push(format!("{what} of {} = {value} {}", channel.info().column, channel.info().unit));
+        }
+    }
+    let path = options.output.clone().or_else(|| output::out_path(common, output::RECORD_FILE));
+    let config = json!({
+        "rig": rig.name,
+        "model": format!("{:?}", options.model),
+        "parameters": rig.changed().into_iter().map(|(parameter, value)| (parameter.info().name.to_owned(), json!(value))).collect::<Map<_, _>>(),
+        "command": options.command,
+        "step_s": options.step,
+        "dropout": options.dropout,
+        "noise": channel_json(&sensing.noise),
+        "quantum": channel_json(&sensing.quantum),
+    });
+    output::record(common, &record, &comments, path.as_deref(), config)
+}
+
+fn channel_json(list: &[(Channel, f64)]) -> Value {
+    list.iter()
+        .map(|(channel, value)| (channel.info().column.to_owned(), json!(value)))
+        .collect::<Map<_, _>>()
+        .into()
+}
+
+fn set(
+    parameters: &mut eha_monitor::parameter::Parameters<f64>,
+    parameter: eha_monitor::parameter::Parameter,
+    value: f64,
+) -> Result<(), Failure> {
+    let info = parameter.info();
+    if !(info.lower..=info.upper).contains(&value) {
+        return Err(Failure::usage(format!(
+            "`{}` = {value}: expected {} to {} {}",
+            info.name, info.lower, info.upper, info.unit
+        )));
+    }
+    parameters.set(parameter, value);
+    Ok(())
+}
+
+fn assignment(text: &str) -> Result<(&str, &str), Failure> {
+    text.split_once('=').ok_or_else(|| Failure::usage(format!("`{text}`: expected NAME=VALUE")))
+}
+
+fn number(context: &str, text: &str) -> Result<f64, Failure> {
+    text.trim().parse().map_err(|_| Failure::usage(format!("`{context}`: `{text}` is not a number")))
+}
+
+fn positive(name: &str, value: f64) -> Result<f64, Failure> {
+    if value.is_finite() && value > 0.0 {
+        Ok(value)
+    } else {
+        Err(Failure::usage(format!("--{name} {value}: expected a positive number")))
+    }
+}
+
+fn channel_values(list: &[String]) -> Result<Vec<(Channel, f64)>, Failure> {
+    list.iter()
+        .map(|text| {
+            let (column, value) = assignment(text)?;
+            let value = number(text, value)?;
+            if !value.is_finite() || value < 0.0 {
+                return Err(Failure::usage(format!("`{text}`: expected a number that is not negative")));
+            }
+            Ok((measured(column)?, value))
+        })
+        .collect()
+}
+
+fn measured(column: &str) -> Result<Channel, Failure> {
+    let channel = channel_named(column)?;
+    if channel.info().role == ChannelRole::Measured {
+        Ok(channel)
+    } else {
+        Err(Failure::usage(format!("`{column}` is not a measured channel")))
+    }
+}
+
+fn keep(record: &crate::record::Record, columns: &[String]) -> Result<crate::record::Record, Failure> {
+    let mut wanted = vec![Channel::UserPosition];
+    for column in columns {
+        wanted.push(measured(column)?);
+    }
+    let channels = record
+        .channels()
+        .filter(|(channel, _)| channel.info().role == ChannelRole::Input || wanted.contains(channel))
+        .map(|(channel, values)| (channel, values.to_vec()))
+        .collect();
+    Ok(crate::record::Record::new(record.name(), record.sample_period_s(), record.start_time_s(), channels)?)
+}
+
+/// The command of a name or of a record, the load, and for a force-driven rig the force.
+fn excitation(options: &Options, drive: Drive) -> Result<Excitation, Failure> {
+    let from_name = CommandInfo::named(&options.command);
+    let mut excitation = match from_name {
+        Some(info) => {
+            let period = positive("period", options.period)?;
+            let samples = (positive("duration", options.duration)? / period).round() + 1.0;
+            if samples > MAX_SAMPLES {
+                return Err(Failure::usage(format!(
+                    "--duration {} at --period {period}: {samples:e} samples, expected at most {MAX_SAMPLES:e}",
+                    options.duration
+                )));
+            }
+            let mut command = Command::<f64>::new(info);
+            command.amplitude = options.amplitude.unwrap_or(command.amplitude);
+            command.frequency = options.frequency.unwrap_or(command.frequency);
+            command.end_frequency = options.end_frequency.unwrap_or(command.end_frequency);
+            command.sweep =
+                positive("sweep", options.sweep.unwrap_or(if info.sweep > 0.0 { info.sweep } else { 1.0 }))?;
+            Excitation {
+                sample_period: period,
+                command: (0..samples as usize).map(|sample| command.at(sample as f64 * period)).collect(),
+                load: Vec::new(),
+                drive: Vec::new(),
+            }
+        }
+        None if options.command.to_ascii_lowercase().ends_with(".csv") => {
+            let record = read_csv(&PathBuf::from(&options.command))?.record;
+            let values = |channel| record.channel(channel).map(<[f64]>::to_vec).unwrap_or_default();
+            Excitation {
+                sample_period: record.sample_period_s(),
+                command: values(Channel::Command),
+                load: values(Channel::Load),
+                drive: values(Channel::Drive),
+            }
+        }
+        None => {
+            return Err(Failure::usage(unknown(
+                "command",
+                &options.command,
+                COMMANDS.iter().map(|row| row.name),
+            )));
+        }
+    };
+    if drive == Drive::Valve {
+        excitation.drive.clear();
+    } else if excitation.drive.is_empty() {
+        return Err(Failure::usage("a rig that is driven by a force needs --command FILE.csv with drive_N"));
+    }
+    if let Some(text) = &options.load {
+        let period = excitation.sample_period;
+        excitation.load = load(text, excitation.command.len(), period)?;
+    }
+    Ok(excitation)
+}
+
+fn load(text: &str, samples: usize, period: f64) -> Result<Vec<f64>, Failure> {
+    let wrong = || {
+        Failure::usage(format!("--load `{text}`: expected constant:N, ramp:N/s, sine:N:HZ or cosine:N:HZ"))
+    };
+    let mut fields = text.split(':');
+    let shape = fields.next().unwrap_or_default();
+    let mut value = || fields.next().and_then(|field| field.parse::<f64>().ok()).ok_or_else(wrong);
+    let size = value()?;
+    let profile: Box<dyn Fn(f64) -> f64> = match shape {
+        "constant" => Box::new(move |_| size),
+        "ramp" => Box::new(move |t| size * t),
+        "sine" => {
+            let frequency = value()?;
+            Box::new(move |t| size * sine_of_turns(frequency * t))
+        }
+        "cosine" => {
+            let frequency = value()?;
+            Box::new(move |t| size * cosine_of_turns(frequency * t))
+        }
+        _ => return Err(wrong()),
+    };
+    Ok((0..samples).map(|sample| profile(sample as f64 * period)).collect())
+}
