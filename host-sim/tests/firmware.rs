@@ -52,7 +52,7 @@ fn instruction_counts_and_stack_repeat_exactly() {
         let firmware = build(machine);
         let first = run(machine, &firmware);
         // Three wraps of the timer at 8 instructions each, and a few to set the loop up.
-        let excess = first.measures["calibration.instructions"].checked_sub(CALIBRATION_INSTRUCTIONS);
+        let excess = first.measures["board.calibration.instructions"].checked_sub(CALIBRATION_INSTRUCTIONS);
         assert!(excess.is_some_and(|excess| excess < 40), "{:?}", first.measures);
         assert!((1..RAM_BYTES).contains(&first.measures["stack.bytes"]), "{:?}", first.measures);
         assert_eq!(first, run(machine, &firmware), "{}", machine.name());

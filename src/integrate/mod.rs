@@ -72,56 +72,55 @@ impl<T: Real> Guards<T> {
         Self { plain: model.loop_guards(mode, state, input), extra }
     }
 
+    /// Are all guards clear of a violation and of a dip below zero over a step, at a glance? The usual case.
+    ///
+    /// `fall` is that of the step before. Where this says no, [`must_refine`](Self::must_refine) looks closer.
     #[inline(always)]
-    fn any_violated(&self, after: &Self) -> bool {
-        let mut violated = false;
-        let mut index = 0;
-        while index < LOOP_GUARDS {
-            violated |= Model::<T>::is_violated(index, self.plain[index], after.plain[index]);
-            index += 1;
+    fn all_clear(&self, fall: &Self, after: &Self, size: T, has_extra: bool) -> bool {
+        let mut clear = true;
+        for index in 0..LOOP_GUARDS {
+            let dip = fall.plain[index] * size;
+            clear &= (self.plain[index] >= dip) & (after.plain[index] >= dip);
         }
-        let mut index = 0;
-        while index < EXTRA_GUARDS {
-            violated |= Model::<T>::is_violated(LOOP_GUARDS + index, self.extra[index], after.extra[index]);
-            index += 1;
+        if has_extra {
+            for index in 0..EXTRA_GUARDS {
+                let dip = fall.extra[index] * size;
+                clear &= (self.extra[index] >= dip) & (after.extra[index] >= dip);
+            }
         }
-        violated
+        clear
     }
 
-    /// May a guard that is positive at both ends of a step have been negative inside? A parabola through three
-    /// equally spaced points dips by an eighth of its fall over the first two; twice that is looked out for.
-    #[inline(always)]
-    fn may_dip(&self, fall: &Self, after: &Self, size: T) -> bool {
-        let mut dips = false;
-        let mut index = 0;
-        while index < LOOP_GUARDS {
-            dips |= self.plain[index].smaller(after.plain[index]) < fall.plain[index] * size;
-            index += 1;
-        }
-        let mut index = 0;
-        while index < EXTRA_GUARDS {
-            dips |= self.extra[index].smaller(after.extra[index]) < fall.extra[index] * size;
-            index += 1;
-        }
-        dips
+    /// Is a guard violated after a step, or may it have been inside a step that can be divided?
+    ///
+    /// A parabola through three equally spaced points dips by an eighth of its fall over the first two; twice that is
+    /// looked out for.
+    #[cold]
+    fn must_refine(&self, fall: &Self, after: &Self, size: T, divisible: bool) -> bool {
+        let before = self.plain.iter().chain(&self.extra);
+        let after = after.plain.iter().chain(&after.extra);
+        let fall = fall.plain.iter().chain(&fall.extra);
+        before.zip(after).zip(fall).enumerate().any(|(index, ((&before, &after), &fall))| {
+            Model::<T>::is_violated(index, before, after)
+                || (divisible && fall > T::ZERO && before.smaller(after) < fall * size)
+        })
     }
 
-    /// A quarter of the fall from here to `after` for each finest step of `size` of them.
+    /// Takes over the guards after a step of `size` finest steps, and in `fall` a quarter of what they fell by for
+    /// each finest step, 0 where they rose.
     #[inline(always)]
-    fn fall(&self, after: &Self, size: T) -> Self {
+    fn accept(&mut self, fall: &mut Self, after: &Self, size: T, has_extra: bool) {
         let weight = T::literal(0.25) / size;
-        let mut fall = Self::default();
-        let mut index = 0;
-        while index < LOOP_GUARDS {
-            fall.plain[index] = (self.plain[index] - after.plain[index]) * weight;
-            index += 1;
+        for index in 0..LOOP_GUARDS {
+            fall.plain[index] = ((self.plain[index] - after.plain[index]) * weight).larger(T::ZERO);
         }
-        let mut index = 0;
-        while index < EXTRA_GUARDS {
-            fall.extra[index] = (self.extra[index] - after.extra[index]) * weight;
-            index += 1;
+        self.plain = after.plain;
+        if has_extra {
+            for index in 0..EXTRA_GUARDS {
+                fall.extra[index] = ((self.extra[index] - after.extra[index]) * weight).larger(T::ZERO);
+            }
+            self.extra = after.extra;
         }
-        fall
     }
 
     fn get(&self, index: usize) -> T {
@@ -199,6 +198,7 @@ pub fn advance<T: Real, S: Stepper<T>>(
     mut observe: impl FnMut(T),
 ) {
     let (units, unit) = (stepper.units(), stepper.unit());
+    let has_extra = model.has_extra_guards();
     stepper.enter(model, &run.mode);
     if model.guards_see_command_rate() {
         // The rate may have jumped with the sample.
@@ -215,8 +215,9 @@ pub fn advance<T: Real, S: Stepper<T>>(
         let end = unit * T::from_count(position + size);
         let guards = Guards::at(model, &run.mode, &state, &segment.at(end), segment.time + end);
         let length = T::from_count(size);
-        let violated = run.guards.any_violated(&guards);
-        if violated || (level > 0 && run.guards.may_dip(&run.fall, &guards, length)) {
+        if !run.guards.all_clear(&run.fall, &guards, length, has_extra)
+            && run.guards.must_refine(&run.fall, &guards, length, level > 0)
+        {
             if level > 0 {
                 level -= 1;
                 continue;
@@ -226,10 +227,7 @@ pub fn advance<T: Real, S: Stepper<T>>(
         } else {
             run.calm = run.calm.saturating_add(size);
             run.state = state;
-            if S::TOP > 0 {
-                run.fall = run.guards.fall(&guards, length);
-            }
-            run.guards = guards;
+            run.guards.accept(&mut run.fall, &guards, length, has_extra);
         }
         observe(run.state.ground());
         position += size;

@@ -83,6 +83,8 @@ pub struct Model<T> {
     /// Its structure.
     pub form: Form,
     parameters: Parameters<T>,
+    /// Asked at every step, so found out once.
+    has_extra_guards: bool,
     /// Controller.
     pub controller: Controller<T>,
     /// Torque motor, flapper and first stage.
@@ -98,15 +100,19 @@ pub struct Model<T> {
 impl<T: Real> Model<T> {
     /// A model of a form with parameters.
     pub fn new(form: Form, parameters: &Parameters<T>) -> Self {
-        Self {
+        let mut model = Self {
             form,
             parameters: *parameters,
+            has_extra_guards: false,
             controller: Controller::new(parameters),
             pilot: PilotStage::new(parameters),
             spool: Spool::new(parameters),
             fluid: Fluid::new(parameters, parameters.supply_ratio),
             jack: Jack::new(parameters),
-        }
+        };
+        model.has_extra_guards =
+            model.order() == FULL_ORDER || model.spool.overlap != T::ZERO || model.jack.has_step_load();
+        model
     }
 
     /// Where a parameter acts in this form: the backlash is inside the loop where the user position is fed back.
@@ -140,8 +146,9 @@ impl<T: Real> Model<T> {
     }
 
     /// Has the model guards beyond those of the plain loop (plays, overlap, integral limit, step load, mount)?
-    pub fn has_extra_guards(&self) -> bool {
-        self.order() == FULL_ORDER || self.spool.overlap != T::ZERO || self.jack.has_step_load()
+    #[inline(always)]
+    pub const fn has_extra_guards(&self) -> bool {
+        self.has_extra_guards
     }
 
     /// Do guards jump with the rate of the command?
