@@ -41,6 +41,9 @@ pub struct EffectInfo {
     pub equation: &'static str,
     /// What it adds to the model.
     pub parameters: &'static [Parameter],
+    /// Size of each parameter, as a change from its absence, that is plain to see in a second of motion: the unit of
+    /// its search. Not a bound.
+    pub sizes: &'static [f64],
 }
 
 const fn entry(
@@ -48,53 +51,112 @@ const fn entry(
     port: Port,
     equation: &'static str,
     parameters: &'static [Parameter],
+    sizes: &'static [f64],
 ) -> EffectInfo {
-    EffectInfo { name, port, equation, parameters }
+    EffectInfo { name, port, equation, parameters, sizes }
 }
 
 /// Every effect that the model can have beyond its declared faults.
 pub const EFFECTS: &[EffectInfo] = &[
-    entry("valve-offset", Port::Valve, "F = GM (Cor + Ofs)", &[Parameter::CurrentOffset]),
-    entry("torque-motor-hysteresis", Port::Valve, "F = GM play(Cor, His)", &[Parameter::TorqueMotorHysteresis]),
-    entry("torque-motor-gain", Port::Valve, "F = GM Cor, GM not the rated one", &[Parameter::TorqueMotorGain]),
-    entry("feedback-play", Port::Valve, "feedback spring force KSF play(XS, gioco)", &[Parameter::FeedbackPlay]),
-    entry("filter-clogging", Port::Valve, "GQF (1 - Kint)", &[Parameter::FilterClogging]),
-    entry("spool-friction", Port::Valve, "friction of the spool FSS, sliding FSS/FSDS", &[Parameter::SpoolFriction]),
-    entry("spool-overlap", Port::Fluid, "dead zone of half width OVL on XS", &[Parameter::SpoolOverlap]),
+    entry("valve-offset", Port::Valve, "F = GM (Cor + Ofs)", &[Parameter::CurrentOffset], &[0.1]),
+    entry(
+        "torque-motor-hysteresis",
+        Port::Valve,
+        "F = GM play(Cor, His)",
+        &[Parameter::TorqueMotorHysteresis],
+        &[0.05],
+    ),
+    entry(
+        "torque-motor-gain",
+        Port::Valve,
+        "F = GM Cor, GM not the rated one",
+        &[Parameter::TorqueMotorGain],
+        &[1e-3],
+    ),
+    entry(
+        "feedback-play",
+        Port::Valve,
+        "feedback spring force KSF play(XS, gioco)",
+        &[Parameter::FeedbackPlay],
+        &[2e-6],
+    ),
+    entry("filter-clogging", Port::Valve, "GQF (1 - Kint)", &[Parameter::FilterClogging], &[0.1]),
+    entry(
+        "spool-friction",
+        Port::Valve,
+        "friction of the spool FSS, sliding FSS/FSDS",
+        &[Parameter::SpoolFriction],
+        &[5.0],
+    ),
+    entry(
+        "spool-overlap",
+        Port::Fluid,
+        "dead zone of half width OVL on XS",
+        &[Parameter::SpoolOverlap],
+        &[1e-5],
+    ),
     entry(
         "turbulent-metering",
         Port::Fluid,
         "AJ v = GQ XS ((1-b) + b sqrt((PSR - sgn(XS) P12)/PSR0)) - (1/GPQ + Clk) P12",
         &[Parameter::MeteringBlend],
+        &[0.2],
     ),
-    entry("pressure-gain", Port::Fluid, "GP, with GQ kept", &[Parameter::PressureGain]),
-    entry("leakage", Port::Fluid, "Clk P12", &[Parameter::Leakage]),
-    entry("supply-pressure", Port::Fluid, "PSR = k PSR0: GP by k, GQ by sqrt(k)", &[Parameter::SupplyRatio]),
-    entry("supply-sag", Port::Fluid, "k = 1 - s abs(v), lagged by 50 ms", &[Parameter::SupplySag]),
+    entry("pressure-gain", Port::Fluid, "GP, with GQ kept", &[Parameter::PressureGain], &[2e10]),
+    entry("leakage", Port::Fluid, "Clk P12", &[Parameter::Leakage], &[1e-12]),
+    entry(
+        "supply-pressure",
+        Port::Fluid,
+        "PSR = k PSR0: GP by k, GQ by sqrt(k)",
+        &[Parameter::SupplyRatio],
+        &[0.05],
+    ),
+    entry("supply-sag", Port::Fluid, "k = 1 - s abs(v), lagged by 50 ms", &[Parameter::SupplySag], &[0.3]),
     entry(
         "compressibility",
         Port::Fluid,
         "P12' = 4 beta/Vt (Q - AJ v - Clk P12), Vt = 2 AJ XJM",
         &[Parameter::OilCompliance],
+        &[1e-9],
     ),
     entry(
         "stribeck",
         Port::Force,
         "FDJ + (FSD-1) FDJ exp(-abs(v)/vs)",
         &[Parameter::StribeckVelocity],
+        &[5e-3],
     ),
-    entry("friction-asymmetry", Port::Force, "friction (1 + a sgn v)", &[Parameter::FrictionAsymmetry]),
-    entry("viscous-friction", Port::Force, "CJ v", &[Parameter::ViscousFriction]),
-    entry("quadratic-drag", Port::Force, "c2 v abs(v)", &[Parameter::QuadraticDrag]),
-    entry("constant-load", Port::Force, "F", &[Parameter::ConstantLoad]),
-    entry("spring-load", Port::Force, "Kaer x", &[Parameter::SpringLoad]),
-    entry("step-load", Port::Force, "F from time t1 on", &[Parameter::StepLoad, Parameter::StepLoadTime]),
-    entry("load-mass", Port::Force, "MJ v'", &[Parameter::LoadMass]),
-    entry("sensor-offset", Port::Sensor, "lvdt = x_user + o", &[Parameter::SensorOffset]),
-    entry("sensor-gain", Port::Sensor, "lvdt = (1 + g) x_user", &[Parameter::SensorGain]),
-    entry("sensor-lag", Port::Sensor, "tau lvdt' + lvdt = x_user", &[Parameter::SensorLag]),
-    entry("sensor-delay", Port::Sensor, "lvdt(t) = x_user(t - d)", &[Parameter::SensorDelay]),
-    entry("sensor-cubic", Port::Sensor, "lvdt = x_user (1 + c x_user^2)", &[Parameter::SensorCubic]),
+    entry(
+        "friction-asymmetry",
+        Port::Force,
+        "friction (1 + a sgn v)",
+        &[Parameter::FrictionAsymmetry],
+        &[0.2],
+    ),
+    entry("viscous-friction", Port::Force, "CJ v", &[Parameter::ViscousFriction], &[1000.0]),
+    entry("quadratic-drag", Port::Force, "c2 v abs(v)", &[Parameter::QuadraticDrag], &[1e4]),
+    entry("constant-load", Port::Force, "F", &[Parameter::ConstantLoad], &[100.0]),
+    entry("spring-load", Port::Force, "Kaer x", &[Parameter::SpringLoad], &[5e3]),
+    entry(
+        "step-load",
+        Port::Force,
+        "F from time t1 on",
+        &[Parameter::StepLoad, Parameter::StepLoadTime],
+        &[100.0, 0.1],
+    ),
+    entry("load-mass", Port::Force, "MJ v'", &[Parameter::LoadMass], &[10.0]),
+    entry(
+        "mount-compliance",
+        Port::Force,
+        "mb xb'' + cb xb' + k xb = -(AJ P12 - CJ v - friction); loop and LVDT see x + xb",
+        &[Parameter::MountCompliance, Parameter::MountDamping],
+        &[2e-8, 0.05],
+    ),
+    entry("sensor-offset", Port::Sensor, "lvdt = x_user + o", &[Parameter::SensorOffset], &[1e-5]),
+    entry("sensor-gain", Port::Sensor, "lvdt = (1 + g) x_user", &[Parameter::SensorGain], &[2e-3]),
+    entry("sensor-lag", Port::Sensor, "tau lvdt' + lvdt = x_user", &[Parameter::SensorLag], &[1e-4]),
+    entry("sensor-delay", Port::Sensor, "lvdt(t) = x_user(t - d)", &[Parameter::SensorDelay], &[1e-4]),
+    entry("sensor-cubic", Port::Sensor, "lvdt = x_user (1 + c x_user^2)", &[Parameter::SensorCubic], &[10.0]),
 ];
 
 impl EffectInfo {

@@ -10,5 +10,7 @@ pub mod ga;
 pub mod integrate;
 pub mod model;
 pub mod parameter;
+pub mod random;
 pub mod scalar;
 pub mod simulate;
+pub mod trial;

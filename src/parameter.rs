@@ -2,7 +2,7 @@
 //!
 //! A row gives the field, the symbol of the source, the unit, the default (appendix A of the source; zero or neutral
 //! for what the source does not have), the range in which a value makes sense, and where the quantity acts. The
-//! struct [`Parameters`], the list [`Parameter::ALL`], the rig file, the bounds of a search, the effects and the
+//! struct [`Parameters`], the list [`PARAMETERS`], the rig file, the bounds of a search, the effects and the
 //! printed tables all derive from it.
 
 use crate::scalar::Real;
@@ -150,6 +150,9 @@ parameters! {
     spring_load SpringLoad "Kaer" "N/m" 0.0 [0.0, 1e7] Dynamics "aerodynamic stiffness";
     step_load StepLoad "" "N" 0.0 [-1e5, 1e5] Constant "load against extension from step_load_time on";
     step_load_time StepLoadTime "t1" "s" 0.0 [0.0, 1e6] Constant "start of the step load";
+    mount_compliance MountCompliance "1/k" "m/N" 0.0 [0.0, 1e-5] Dynamics "compliance of the mount: 1 over its stiffness";
+    mount_damping MountDamping "" "1" 0.05 [0.0, 5.0] Dynamics "damping ratio of the base alone on its mount";
+    base_mass BaseMass "" "kg" 5.0 [0.1, 1e5] Dynamics "mass of the base, the cylinder's body, on its mount";
     bkl Backlash "BKL" "m" 0.0 [0.0, 0.05] Output "full width of the backlash between ram and user";
     sensor_offset SensorOffset "" "m" 0.0 [-0.1, 0.1] Output "offset of the LVDT";
     sensor_gain SensorGain "" "1" 0.0 [-0.5, 1.0] Output "relative gain error of the LVDT";

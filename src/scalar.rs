@@ -120,6 +120,10 @@ macro_rules! scalar {
             }
         }
 
+        #[allow(
+            clippy::cast_lossless,
+            reason = "one text for both precisions; the cast is lossless for `f64` only"
+        )]
         impl Real for $float {
             #[inline(always)]
             fn from_count(count: u32) -> Self {

@@ -64,7 +64,7 @@ impl<T: Real> Actuator<T> {
         };
         Outputs {
             user: self.lvdt.sample(&mut motion.lvdt, motion.user),
-            ram: state.ram,
+            ram: state.ground(),
             current,
             pressure: self.model.pressure(mode, state),
         }

@@ -51,6 +51,8 @@ pub(crate) enum Verb {
     Identify(verb::identify::Options),
     /// Free parameters of a rig from records; writes a rig file with `--out`.
     Calibrate(verb::calibrate::Options),
+    /// What does the model lack? Names a missing effect, with the error before and after, or says that it cannot tell.
+    Diagnose(verb::diagnose::Options),
     /// The source's twelve cases: its result and ours.
     Reproduce(verb::reproduce::Options),
     /// The physical effects that a model can have.

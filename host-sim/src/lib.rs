@@ -8,6 +8,7 @@
 //! ```
 
 pub mod cli;
+pub mod diagnose;
 pub mod emulator;
 pub mod failure;
 pub mod fit;
@@ -37,6 +38,7 @@ pub fn run(cli: &Cli) -> Result<(), Failure> {
         Verb::Demo(options) => verb::demo::run(common, options),
         Verb::Simulate(options) => verb::simulate::run(common, options),
         Verb::Identify(options) => verb::identify::run(common, options),
+        Verb::Diagnose(options) => verb::diagnose::run(common, options),
         Verb::Calibrate(options) => verb::calibrate::run(common, options),
         Verb::Reproduce(options) => verb::reproduce::run(common, options),
         Verb::Effects => verb::lists::effects(common),

@@ -3,9 +3,9 @@
 //! One workload, two platforms: a Cortex-M (emulated `mps2-an500` and `mps2-an386`, or an STM32H743) logs with
 //! `defmt` over semihosting, a host prints. Both give the lines
 //!
-//! - `result NAME=0x3f800000` (the bits of an `f32`) or `result NAME=42` (a count): equal on every platform, bit for
-//!   bit;
-//! - `measure NAME.UNIT=42`: what it cost, on the microcontroller only;
+//! - `result GROUP.NAME=0x3f800000` (the bits of an `f32`) or `result GROUP.NAME=42` (a count): equal on every
+//!   platform, bit for bit;
+//! - `measure GROUP.NAME.UNIT=42`: what it cost, on the microcontroller only;
 //!
 //! so that a test compares them as text. `host-sim`'s module `emulator` builds, runs and reads this binary.
 #![cfg_attr(target_os = "none", no_std, no_main)]
@@ -19,17 +19,17 @@ mod workload;
 /// What the workload needs of the machine that it runs on.
 trait Platform {
     /// Reports the bits of a value that must be the same on every platform.
-    fn result_f32(&mut self, name: &str, value: f32);
+    fn result_f32(&mut self, group: &str, name: &str, value: f32);
 
     /// Reports a count that must be the same on every platform.
-    fn result_count(&mut self, name: &str, value: u64);
+    fn result_count(&mut self, group: &str, name: &str, value: u64);
 
     /// Runs `work` once and reports what it cost, where the platform can tell.
-    fn measure<T>(&mut self, name: &str, work: impl FnOnce() -> T) -> T;
+    fn measure<T>(&mut self, group: &str, name: &str, work: impl FnOnce() -> T) -> T;
 }
 
 /// The host's entry; the microcontroller's is `platform::start`.
 #[cfg(not(target_os = "none"))]
 fn main() {
-    workload::run(&mut platform::Host);
+    workload::run(&mut platform::Host, &mut workload::Memory::new());
 }

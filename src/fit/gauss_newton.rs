@@ -133,20 +133,25 @@ fn select<S>(steppers: &mut [S], model: usize, shared: bool) -> &mut S {
     &mut steppers[index]
 }
 
-/// Residuals of a few samples, of the base model and its neighbours.
+/// Residuals of one sample, channel by channel.
+#[derive(Clone, Copy)]
+struct Residuals<T, const GENES: usize> {
+    /// Of the base model, and whether the channel is compared.
+    base: [(T, bool); MEASURED],
+    /// Of its neighbours.
+    neighbours: [[T; GENES]; MEASURED],
+}
+
+/// Residuals of a few samples.
 struct Chunk<T, const GENES: usize> {
     filled: usize,
-    base: [[(T, bool); MEASURED]; CHUNK],
-    neighbours: [[[T; MEASURED]; CHUNK]; GENES],
+    samples: [Residuals<T, GENES>; CHUNK],
 }
 
 impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
     const fn new() -> Self {
-        Self {
-            filled: 0,
-            base: [[(T::ZERO, false); MEASURED]; CHUNK],
-            neighbours: [[[T::ZERO; MEASURED]; CHUNK]; GENES],
-        }
+        let none = Residuals { base: [(T::ZERO, false); MEASURED], neighbours: [[T::ZERO; GENES]; MEASURED] };
+        Self { filled: 0, samples: [none; CHUNK] }
     }
 
     fn fill_base<S: Stepper<T>>(
@@ -156,10 +161,10 @@ impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
         walk: &mut Walk<T>,
         stepper: &mut S,
     ) {
-        for place in &mut self.base {
+        for place in &mut self.samples {
             let Some((sample, outputs)) = walk.next(record, stepper) else { break };
             if record.is_compared(sample) {
-                *place = problem.residuals(record, sample, &outputs);
+                place.base = problem.residuals(record, sample, &outputs);
             }
             self.filled += 1;
         }
@@ -173,27 +178,27 @@ impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
         stepper: &mut S,
         gene: usize,
     ) {
-        for place in self.neighbours[gene].iter_mut().take(self.filled) {
+        for place in self.samples.iter_mut().take(self.filled) {
             let Some((sample, outputs)) = walk.next(record, stepper) else { break };
-            *place = problem.residuals(record, sample, &outputs).map(|(residual, _)| residual);
+            let residuals = problem.residuals(record, sample, &outputs);
+            for (neighbours, (residual, _)) in place.neighbours.iter_mut().zip(residuals) {
+                if let Some(neighbour) = neighbours.get_mut(gene) {
+                    *neighbour = residual;
+                }
+            }
         }
     }
 
     fn accumulate(&self, normal: &mut Normal<T, GENES>, widths: &[T; GENES], active: usize) {
-        for sample in 0..self.filled {
-            for channel in 0..MEASURED {
-                let (residual, used) = self.base[sample][channel];
+        for place in self.samples.iter().take(self.filled) {
+            for (&(residual, used), neighbours) in place.base.iter().zip(&place.neighbours) {
                 if !used {
                     continue;
                 }
                 normal.misfit.chi_square += residual * residual;
                 normal.misfit.count += 1;
                 let slope: [T; GENES] = core::array::from_fn(|gene| {
-                    if gene < active {
-                        (residual - self.neighbours[gene][sample][channel]) / widths[gene]
-                    } else {
-                        T::ZERO
-                    }
+                    if gene < active { (residual - neighbours[gene]) / widths[gene] } else { T::ZERO }
                 });
                 for row in 0..active {
                     normal.gradient[row] += slope[row] * residual;
@@ -232,7 +237,7 @@ impl<T: Real + RealField, const GENES: usize> Normal<T, GENES> {
             }
             let change = matrix.cholesky()?.solve(&side);
             let mut again = false;
-            for gene in 0..active {
+            for gene in 0..GENES {
                 let value = genes[gene] + change[gene];
                 let at_bound =
                     (genes[gene] <= T::ZERO && value < T::ZERO) || (genes[gene] >= T::ONE && value > T::ONE);
@@ -246,7 +251,7 @@ impl<T: Real + RealField, const GENES: usize> Normal<T, GENES> {
             }
             let mut moved = *genes;
             let mut actual = change;
-            for gene in 0..active {
+            for gene in 0..GENES {
                 moved[gene] = (genes[gene] + change[gene]).larger(T::ZERO).smaller(T::ONE);
                 actual[gene] = moved[gene] - genes[gene];
             }
@@ -257,9 +262,21 @@ impl<T: Real + RealField, const GENES: usize> Normal<T, GENES> {
         None
     }
 
+    /// Where the linear model puts the bottom, from `genes`, and the chi-square that it promises there.
+    pub fn foreseen(&self, genes: &[T; GENES], active: usize) -> Option<([T; GENES], T)> {
+        let (there, promised) = self.step(genes, T::literal(1e-6), active)?;
+        Some((there, self.misfit.chi_square - promised))
+    }
+
     /// Covariance of the genes for residuals whose noise is white and known: `(J^T J)^-1`.
     pub fn covariance(&self) -> Option<SMatrix<T, GENES, GENES>> {
         self.curvature.cholesky().map(|factor| factor.inverse())
+    }
+
+    /// Standard error of each gene, in genes: the roots of the [covariance](Self::covariance)'s diagonal.
+    pub fn standard_errors(&self) -> Option<[T; GENES]> {
+        let variances = self.covariance()?.diagonal();
+        Some(variances.data.0[0].map(|variance| variance.root()))
     }
 }
 
@@ -284,7 +301,7 @@ where
     'steps: for _ in 0..settings.steps {
         for attempt in 0..6 {
             let Some((moved, promised)) = normal.step(&here, damping, active) else {
-                damping = damping * T::literal(100.0);
+                damping *= T::literal(100.0);
                 continue;
             };
             if promised <= settings.tolerance {
@@ -296,7 +313,7 @@ where
             if next.misfit.chi_square < normal.misfit.chi_square {
                 here = moved;
                 normal = next;
-                damping = damping * T::literal(0.1);
+                damping *= T::literal(0.1);
                 continue 'steps;
             }
             damping = damping.larger(T::literal(1e-3)) * T::literal(10.0);

@@ -4,10 +4,8 @@
 //! child in the place of the worst member if it is better. Genes are normalised to `[0, 1]`. All randomness comes from
 //! the seed; nothing depends on the capacity of the buffers.
 
-mod random;
-
+use crate::random::Random;
 use crate::scalar::Real;
-use random::Random;
 
 /// How the search is made; see [`Settings::default`] for the values in use.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,12 +64,18 @@ pub struct Counters {
     pub clamps: u32,
 }
 
+/// Genes and what they cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Member<T, const GENES: usize> {
+    genes: [T; GENES],
+    cost: T,
+}
+
 /// A population of up to `SIZE` members with up to `GENES` genes, and the state of the search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SteadyState<T, const GENES: usize, const SIZE: usize> {
     settings: Settings,
-    genes: [[T; GENES]; SIZE],
-    costs: [T; SIZE],
+    members: [Member<T, GENES>; SIZE],
     filled: usize,
     active: usize,
     /// Mutation of each gene relative to the others.
@@ -86,13 +90,13 @@ pub struct SteadyState<T, const GENES: usize, const SIZE: usize> {
 impl<T: Real, const GENES: usize, const SIZE: usize> SteadyState<T, GENES, SIZE> {
     /// An empty population for `active <= GENES` genes. The size is cut to the range 4 to `SIZE`.
     pub fn new(settings: Settings, active: usize, seed: u64) -> Self {
+        const { assert!(SIZE >= 4, "a population of fewer than 4 members cannot breed") };
         let population = settings.population.clamp(4, SIZE);
         // Geometric decay by repeated multiplication: the root is found by bisection, once.
         let ratio = settings.mutation_end / settings.mutation_start;
         Self {
             settings: Settings { population, ..settings },
-            genes: [[T::ZERO; GENES]; SIZE],
-            costs: [T::ZERO; SIZE],
+            members: [Member { genes: [T::ZERO; GENES], cost: T::ZERO }; SIZE],
             filled: 0,
             active: active.min(GENES),
             scale: [T::ONE; GENES],
@@ -126,7 +130,7 @@ impl<T: Real, const GENES: usize, const SIZE: usize> SteadyState<T, GENES, SIZE>
     /// One member of an evenly spread first population: each gene's range is cut into as many strata as there are
     /// members, and a fixed stride deals the strata out (a Latin square), with a random place inside each.
     fn scatter(&mut self, child: &mut [T; GENES]) {
-        let members = self.settings.population;
+        let members = self.population();
         for (gene, value) in child.iter_mut().take(self.active).enumerate() {
             let mut stride = 1 + gene * (members / 3).max(1);
             while common_divisor(stride, members) != 1 {
@@ -142,28 +146,33 @@ impl<T: Real, const GENES: usize, const SIZE: usize> SteadyState<T, GENES, SIZE>
         let (first, second) = (self.pick(), self.pick());
         let blend = T::literal_f32(self.settings.blend);
         let mutate = self.random.uniform::<f32>() < self.settings.mutation_chance;
-        for gene in 0..self.active {
-            let (a, b) = (self.genes[first][gene], self.genes[second][gene]);
+        let parents = first.genes.into_iter().zip(second.genes);
+        for ((value, scale), (a, b)) in child.iter_mut().zip(self.scale).zip(parents).take(self.active) {
             let reach = T::ONE + blend + blend;
-            let mut value = a + (self.random.uniform::<T>() * reach - blend) * (b - a);
+            *value = a + (self.random.uniform::<T>() * reach - blend) * (b - a);
             if mutate {
-                value += self.random.bell::<T>() * self.mutation * self.scale[gene];
+                *value += self.random.bell::<T>() * self.mutation * scale;
             }
-            if value < T::ZERO || value > T::ONE {
+            if *value < T::ZERO || *value > T::ONE {
                 self.counters.clamps += 1;
             }
-            child[gene] = value.larger(T::ZERO).smaller(T::ONE);
+            *value = value.larger(T::ZERO).smaller(T::ONE);
         }
         if self.mutation > T::literal_f32(self.settings.mutation_end) {
-            self.mutation = self.mutation * self.mutation_factor;
+            self.mutation *= self.mutation_factor;
         }
     }
 
     /// The better of two random members.
-    fn pick(&mut self) -> usize {
-        let a = self.random.below(self.filled);
-        let b = self.random.below(self.filled);
-        if self.costs[b] < self.costs[a] { b } else { a }
+    fn pick(&mut self) -> Member<T, GENES> {
+        let (a, b) = (self.draw(), self.draw());
+        if b.cost < a.cost { b } else { a }
+    }
+
+    /// A random member.
+    fn draw(&mut self) -> Member<T, GENES> {
+        // The bound of the buffer holds anyway; named here, it leaves no check that could fail.
+        self.members[self.random.below(self.filled).min(SIZE - 1)]
     }
 
     /// Takes the cost of the child that was asked for last.
@@ -178,19 +187,18 @@ impl<T: Real, const GENES: usize, const SIZE: usize> SteadyState<T, GENES, SIZE>
         if !cost.finite() {
             return Outcome::Rejected;
         }
+        let filling = self.filled < self.settings.population;
         let best = self.best().map(|(_, cost)| cost);
-        if self.filled < self.settings.population {
-            self.genes[self.filled] = *genes;
-            self.costs[self.filled] = cost;
+        let place = if filling { self.filled } else { self.extreme(|candidate, worst| candidate > worst) };
+        let Some(place) = self.members.get_mut(place) else { return Outcome::Rejected };
+        if !filling && cost >= place.cost {
+            return Outcome::Rejected;
+        }
+        *place = Member { genes: *genes, cost };
+        if filling {
             self.filled += 1;
             return Outcome::Filled;
         }
-        let worst = self.extreme(|candidate, worst| candidate > worst);
-        if cost >= self.costs[worst] {
-            return Outcome::Rejected;
-        }
-        self.genes[worst] = *genes;
-        self.costs[worst] = cost;
         self.counters.replacements += 1;
         if best.is_none_or(|best| cost < best) {
             self.counters.improvements += 1;
@@ -200,23 +208,20 @@ impl<T: Real, const GENES: usize, const SIZE: usize> SteadyState<T, GENES, SIZE>
         }
     }
 
+    /// The first member that no other one beats; 0 while the population is empty.
     fn extreme(&self, better: impl Fn(T, T) -> bool) -> usize {
-        let mut found = 0;
-        for member in 1..self.filled {
-            if better(self.costs[member], self.costs[found]) {
-                found = member;
+        let mut found = (0, T::ZERO);
+        for (index, member) in self.members.iter().enumerate().take(self.filled) {
+            if index == 0 || better(member.cost, found.1) {
+                found = (index, member.cost);
             }
         }
-        found
+        found.0
     }
 
     /// The best member and its cost; none while the population is empty.
     pub fn best(&self) -> Option<(&[T; GENES], T)> {
-        if self.filled == 0 {
-            return None;
-        }
-        let best = self.extreme(|candidate, best| candidate < best);
-        Some((&self.genes[best], self.costs[best]))
+        self.members().nth(self.extreme(|candidate, best| candidate < best))
     }
 
     /// Largest distance between members in any gene: 0 when all are alike, 1 when they span a whole range.
@@ -224,9 +229,9 @@ impl<T: Real, const GENES: usize, const SIZE: usize> SteadyState<T, GENES, SIZE>
         let mut widest = T::ZERO;
         for gene in 0..self.active {
             let (mut low, mut high) = (T::ONE, T::ZERO);
-            for member in self.genes.iter().take(self.filled) {
-                low = low.smaller(member[gene]);
-                high = high.larger(member[gene]);
+            for (genes, _) in self.members() {
+                low = low.smaller(genes[gene]);
+                high = high.larger(genes[gene]);
             }
             widest = widest.larger(high - low);
         }
@@ -235,7 +240,7 @@ impl<T: Real, const GENES: usize, const SIZE: usize> SteadyState<T, GENES, SIZE>
 
     /// The members and their costs.
     pub fn members(&self) -> impl Iterator<Item = (&[T; GENES], T)> {
-        self.genes.iter().zip(self.costs.iter().copied()).take(self.filled)
+        self.members.iter().take(self.filled).map(|member| (&member.genes, member.cost))
     }
 
     /// What has happened so far.
@@ -244,13 +249,14 @@ impl<T: Real, const GENES: usize, const SIZE: usize> SteadyState<T, GENES, SIZE>
     }
 
     /// Members of a full population.
-    pub const fn population(&self) -> usize {
-        self.settings.population
+    pub fn population(&self) -> usize {
+        // At least 4 since `new`; said again where a division can see it.
+        self.settings.population.max(4)
     }
 
     /// Children bred so far, in generations: as many children as there are members.
-    pub const fn generations(&self) -> u32 {
-        self.counters.evaluations / self.settings.population as u32
+    pub fn generations(&self) -> u32 {
+        self.counters.evaluations / self.population() as u32
     }
 }
 

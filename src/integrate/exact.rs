@@ -70,7 +70,7 @@ impl<T: Real, const N: usize, const SLOTS: usize> Exact<T, N, SLOTS> {
         Self {
             sample_period: T::ZERO,
             finest: T::ZERO,
-            units: FINEST_PER_COARSEST,
+            units: 0,
             ladders: [None; SLOTS],
             next: 0,
             slot: 0,
@@ -199,7 +199,7 @@ impl<T: Real, const N: usize> Ladder<T, N> {
         let halvings = halvings(&a, finest);
         let mut step = finest;
         for _ in 0..halvings {
-            step = step * T::literal(0.5);
+            step *= T::literal(0.5);
         }
         // ramp = integral of integral of exp(A s) = h^2/2 (1 + Ah/3 (1 + Ah/4 (...))),
         // constant = h + A ramp, transition = A constant.
@@ -230,7 +230,7 @@ impl<T: Real, const N: usize> Ladder<T, N> {
             let mut next = multiply(transition, transition, T::ONE);
             accumulate(&mut next, transition, T::literal(2.0));
             *transition = next;
-            *step = *step * T::literal(2.0);
+            *step *= T::literal(2.0);
         };
         for _ in 0..halvings {
             double(&mut transition, &mut constant, &mut ramp, &mut step);
@@ -309,7 +309,7 @@ fn halvings<T: Real, const N: usize>(a: &Matrix<T, N>, step: T) -> u32 {
     let mut square = largest * step * step;
     let mut count = 0;
     while square > T::literal(0.25) && count < 24 {
-        square = square * T::literal(0.25);
+        square *= T::literal(0.25);
         count += 1;
     }
     count

@@ -23,6 +23,8 @@ pub struct Run<T> {
     pub mode: Mode,
     /// Guards at the state, kept from the step before.
     guards: Guards<T>,
+    /// A quarter of what each guard fell by in a finest step on the way here; zero after an event.
+    fall: Guards<T>,
     /// Mode changes so far.
     pub events: u32,
     /// Steps taken so far, rejected ones included.
@@ -32,7 +34,8 @@ pub struct Run<T> {
 impl<T: Real> Run<T> {
     /// A run that starts from a state and mode.
     pub fn starting(model: &Model<T>, state: State<T>, mode: Mode, input: &Input<T>) -> Self {
-        let mut run = Self { state, mode, guards: Guards::default(), events: 0, steps: 0 };
+        let mut run =
+            Self { state, mode, guards: Guards::default(), fall: Guards::default(), events: 0, steps: 0 };
         run.guards = Guards::at(model, &run.mode, &run.state, input, T::ZERO);
         run
     }
@@ -74,6 +77,42 @@ impl<T: Real> Guards<T> {
             index += 1;
         }
         violated
+    }
+
+    /// May a guard that is positive at both ends of a step have been negative inside? A parabola through three
+    /// equally spaced points dips by an eighth of its fall over the first two; twice that is looked out for.
+    #[inline(always)]
+    fn may_dip(&self, fall: &Self, after: &Self, size: T) -> bool {
+        let mut dips = false;
+        let mut index = 0;
+        while index < LOOP_GUARDS {
+            dips |= self.plain[index].smaller(after.plain[index]) < fall.plain[index] * size;
+            index += 1;
+        }
+        let mut index = 0;
+        while index < EXTRA_GUARDS {
+            dips |= self.extra[index].smaller(after.extra[index]) < fall.extra[index] * size;
+            index += 1;
+        }
+        dips
+    }
+
+    /// A quarter of the fall from here to `after` for each finest step of `size` of them.
+    #[inline(always)]
+    fn fall(&self, after: &Self, size: T) -> Self {
+        let weight = T::literal(0.25) / size;
+        let mut fall = Self::default();
+        let mut index = 0;
+        while index < LOOP_GUARDS {
+            fall.plain[index] = (self.plain[index] - after.plain[index]) * weight;
+            index += 1;
+        }
+        let mut index = 0;
+        while index < EXTRA_GUARDS {
+            fall.extra[index] = (self.extra[index] - after.extra[index]) * weight;
+            index += 1;
+        }
+        fall
     }
 
     fn get(&self, index: usize) -> T {
@@ -136,9 +175,9 @@ pub trait Stepper<T: Real> {
 
 /// Advances a run by one sample.
 ///
-/// `observe` is called with the ram position at every turning point and at the end of the sample, in order of time:
+/// `observe` is called with the ram position over ground at every turning point and at the end of the sample, in order of time:
 /// what a rate-independent operator behind the ram needs to see. Bounded: at most `2 * units` steps of the stepper
-/// and [`EVENTS_PER_STEP`] parts for each of its finest steps.
+/// and three parts for each of the 8 events that one of its finest steps may hold.
 #[inline]
 pub fn advance<T: Real, S: Stepper<T>>(
     stepper: &mut S,
@@ -149,6 +188,10 @@ pub fn advance<T: Real, S: Stepper<T>>(
 ) {
     let (units, unit) = (stepper.units(), stepper.unit());
     stepper.enter(model, &run.mode);
+    if model.guards_see_command_rate() {
+        // The rate may have jumped with the sample.
+        run.guards = Guards::at(model, &run.mode, &run.state, &segment.start, segment.time);
+    }
     let mut position: u32 = 0;
     let mut level = S::TOP;
     while position < units {
@@ -159,7 +202,9 @@ pub fn advance<T: Real, S: Stepper<T>>(
         run.steps += 1;
         let end = unit * T::from_count(position + size);
         let guards = Guards::at(model, &run.mode, &state, &segment.at(end), segment.time + end);
-        if run.guards.any_violated(&guards) {
+        let length = T::from_count(size);
+        let violated = run.guards.any_violated(&guards);
+        if violated || (level > 0 && run.guards.may_dip(&run.fall, &guards, length)) {
             if level > 0 {
                 level -= 1;
                 continue;
@@ -167,9 +212,12 @@ pub fn advance<T: Real, S: Stepper<T>>(
             cross(stepper, model, run, segment, elapsed, &mut observe);
         } else {
             run.state = state;
+            if S::TOP > 0 {
+                run.fall = run.guards.fall(&guards, length);
+            }
             run.guards = guards;
         }
-        observe(run.state.ram);
+        observe(run.state.ground());
         position += size;
         while level < S::TOP && position.is_multiple_of(4 << (2 * level)) {
             level += 1;
@@ -188,6 +236,7 @@ fn cross<T: Real, S: Stepper<T>>(
     observe: &mut impl FnMut(T),
 ) {
     let unit = stepper.unit();
+    run.fall = Guards::default();
     let mut done = T::ZERO;
     for _ in 0..EVENTS_PER_STEP {
         let input = segment.at(elapsed + unit * done);
@@ -214,7 +263,7 @@ fn cross<T: Real, S: Stepper<T>>(
         run.state = state;
         run.steps += 3;
         run.events += 1;
-        observe(run.state.ram);
+        observe(run.state.ground());
         model.switch(index, &mut run.mode, &mut run.state, &input);
         run.guards = Guards::at(model, &run.mode, &run.state, &input, segment.time + now);
         stepper.enter(model, &run.mode);

@@ -46,10 +46,15 @@ impl<T: Real> Controller<T> {
             - (self.derivative + self.velocity) * acceleration
     }
 
-    /// The current that leaves the controller in a mode of its limit; `one` is 1 (see [`super::Model::derivative`]).
+    /// The current that leaves the controller in a mode of its limit; `one` is 1 (see [`super::Model::affine_rate`]).
     #[inline(always)]
     pub fn current(&self, mode: i8, demand: T, one: T) -> T {
         if mode == 0 { demand } else { side::<T>(mode) * self.current_limit * one }
+    }
+
+    /// Does the demand follow the rate of the command?
+    pub fn sees_rates(&self) -> bool {
+        self.derivative != T::ZERO
     }
 
     /// Is the controller purely proportional, so that it needs no state?

@@ -11,8 +11,8 @@ use crate::scalar::Real;
 
 /// Number of guards of the plain loop.
 pub const LOOP_GUARDS: usize = 8;
-/// Number of guards of plays, dead zone, integral limit and step load.
-pub const EXTRA_GUARDS: usize = 6;
+/// Number of guards of plays, dead zone, integral limit, step load and mount.
+pub const EXTRA_GUARDS: usize = 7;
 
 const CURRENT: usize = 0;
 const FLAPPER: usize = 1;
@@ -28,6 +28,8 @@ const HYSTERESIS: usize = 10;
 const FEEDBACK_PLAY: usize = 11;
 const USER_PLAY: usize = 12;
 const STEP_LOAD: usize = 13;
+/// Nothing changes but the direction: what lies behind the ram sees the turning point.
+const GROUND: usize = 14;
 
 /// How far a limit may be passed by rounding, relative to the limit.
 const LIMIT_TOLERANCE: f64 = 1e-5;
@@ -68,7 +70,7 @@ impl<T: Real> Model<T> {
     #[inline(always)]
     fn drive_at_rest(&self, mode: &Mode, z: &State<T>, input: &Input<T>) -> T {
         let pressure = self.pressure(mode, &State { ram_velocity: T::ZERO, ..*z });
-        self.jack.drive(pressure, z.ram, input.force, mode.step_load != 0, T::ONE)
+        self.jack.drive(pressure, z, input.force, mode.step_load != 0, T::ONE)
     }
 
     /// The guards of the plain loop.
@@ -104,8 +106,8 @@ impl<T: Real> Model<T> {
         } else {
             let flapper = self.flapper_guards(mode, z, input, &mut guards);
             guards[FIRST_STAGE] =
-                limit_guard(mode.first_stage, self.pilot.pressure_gain * flapper, self.fluid.supply);
-            let spool_force = self.spool.area * self.first_stage_pressure(mode, flapper, T::ONE);
+                limit_guard(mode.first_stage, self.pilot.pressure_gain * flapper, self.fluid_now(z).supply);
+            let spool_force = self.spool.area * self.first_stage_pressure(mode, z, flapper, T::ONE);
             match mode.spool {
                 0 => guards[SPOOL] = self.spool.breakaway - spool_force.magnitude(),
                 -1 | 1 => {
@@ -147,24 +149,23 @@ impl<T: Real> Model<T> {
     #[inline(always)]
     fn pressure_guard(&self, mode: &Mode, z: &State<T>) -> T {
         let opening = self.spool.opening(z.spool, side(mode.overlap), T::ONE);
+        let fluid = self.fluid_now(z);
         if self.fluid.is_compressible() {
-            let limit =
-                if self.fluid.is_linear() { self.fluid.supply } else { self.fluid.cavitation_limit() };
+            let limit = if self.fluid.is_linear() { fluid.supply } else { fluid.cavitation_limit() };
             if mode.pressure == 0 {
                 limit_guard(0, z.pressure, limit)
             } else {
-                side::<T>(mode.pressure)
-                    * self.fluid_now(z).pressure_rate(opening, z.ram_velocity, z.pressure)
+                side::<T>(mode.pressure) * fluid.pressure_rate(opening, z.ram_velocity, z.pressure)
             }
         } else if self.fluid.is_linear() {
-            let pressure = self.fluid.linear_pressure(opening, z.ram_velocity);
-            limit_guard(mode.pressure, pressure, self.fluid.supply)
+            let pressure = fluid.linear_pressure(opening, z.ram_velocity);
+            limit_guard(mode.pressure, pressure, fluid.supply)
         } else {
             T::ONE
         }
     }
 
-    /// The guards of plays, dead zone, integral limit and step load; `time` is since the start of the record, s.
+    /// The guards of plays, dead zone, integral limit, step load and mount; `time` is since the start of the record, s.
     pub fn extra_guards(&self, mode: &Mode, z: &State<T>, input: &Input<T>, time: T) -> [T; EXTRA_GUARDS] {
         let mut guards = [T::ONE; EXTRA_GUARDS];
         if self.spool.overlap != T::ZERO {
@@ -198,12 +199,15 @@ impl<T: Real> Model<T> {
                 side::<T>(mode.feedback_play) * self.affine_rate(mode, z, input, T::ONE).spool
             };
         }
-        if self.form.feedback == super::Feedback::User {
-            let half = self.half_backlash();
+        if self.jack.is_mounted() {
+            guards[GROUND - LOOP_GUARDS] = side::<T>(mode.ground) * z.ground_velocity();
+        }
+        let half = self.half_backlash();
+        if self.form.feedback == super::Feedback::User && half > T::ZERO {
             guards[USER_PLAY - LOOP_GUARDS] = if mode.user_play == 0 {
-                if half > T::ZERO { (half - (z.ram - z.fed_back_user).magnitude()) / half } else { -T::ONE }
+                (half - z.user_gap.magnitude()) / half
             } else {
-                side::<T>(mode.user_play) * z.ram_velocity
+                side::<T>(mode.user_play) * z.ground_velocity()
             };
         }
         guards
@@ -244,7 +248,7 @@ impl<T: Real> Model<T> {
                 let pressure = if self.fluid.is_compressible() {
                     z.pressure
                 } else {
-                    self.fluid.linear_pressure(opening, z.ram_velocity)
+                    self.fluid_now(z).linear_pressure(opening, z.ram_velocity)
                 };
                 mode.pressure = toggled(mode.pressure, pressure);
             }
@@ -291,10 +295,11 @@ impl<T: Real> Model<T> {
             }
             USER_PLAY => {
                 if mode.user_play != 0 {
-                    z.fed_back_user = in_contact(z.ram, side(mode.user_play), self.half_backlash());
+                    z.user_gap = -side::<T>(mode.user_play) * self.half_backlash();
                 }
-                mode.user_play = toggled(mode.user_play, z.ram - z.fed_back_user);
+                mode.user_play = toggled(mode.user_play, -z.user_gap);
             }
+            GROUND => mode.ground = -mode.ground,
             _ => mode.step_load = 1,
         }
     }
@@ -322,7 +327,7 @@ impl<T: Real> Model<T> {
             return;
         }
         let (flapper, ..) = self.flapper_now(mode, z, input);
-        let force = self.spool.area * self.first_stage_pressure(mode, flapper, T::ONE);
+        let force = self.spool.area * self.first_stage_pressure(mode, z, flapper, T::ONE);
         let held = mode.spool_slides() && force.magnitude() <= self.spool.breakaway;
         mode.spool = if held { 0 } else { sign_of(force) };
     }

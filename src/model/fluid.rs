@@ -128,7 +128,9 @@ impl<T: Real> Fluid<T> {
         let slope = self.area * compliance + self.conductance;
         let a = slope * self.rated_supply;
         let b = self.metering_gain * opening * self.blend;
-        let c = self.flow_gain * opening * (T::ONE - self.blend) - sign * self.area * velocity - slope * self.supply;
+        let c = self.flow_gain * opening * (T::ONE - self.blend)
+            - sign * self.area * velocity
+            - slope * self.supply;
         let limit = self.cavitation_limit();
         if c >= T::ZERO {
             // The throttle passes nothing (y = 0): what the ram displaces leaves through the conductance.

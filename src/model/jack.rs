@@ -1,14 +1,64 @@
 //! The jack: `MJ v' = AJ P12 - CJ v - F_ext - Kaer x - friction`, with stick-slip and end stops.
+//!
+//! Where the mount gives way, `x` and `v` are those of the ram in its cylinder, and the cylinder's body is a mass on a
+//! spring and a damper that takes the reaction. Fluid and friction then drive the relative motion of two masses: the
+//! same equation with the reduced mass, and with shares of the load and of the mount's reaction.
 
+use super::state::State;
 use crate::parameter::Parameters;
 use crate::scalar::Real;
+
+/// Constants of a mount that gives way.
+#[derive(Clone, Copy, Debug)]
+struct Mount<T> {
+    stiffness: T,
+    damping: T,
+    load_mass: T,
+    /// Mass of load and base, kg.
+    total_mass: T,
+    /// `mb/(MJ + mb)`: share of the load in the relative motion; the rest is that of the mount's reaction.
+    load_share: T,
+}
+
+impl<T: Real> Mount<T> {
+    fn of(p: &Parameters<T>) -> Option<Self> {
+        (p.mount_compliance > T::ZERO).then(|| {
+            let stiffness = T::ONE / p.mount_compliance;
+            let total_mass = p.load_mass + p.base_mass;
+            Self {
+                stiffness,
+                damping: T::literal(2.0) * p.mount_damping * (stiffness * p.base_mass).root(),
+                load_mass: p.load_mass,
+                total_mass,
+                load_share: p.base_mass / total_mass,
+            }
+        })
+    }
+
+    /// Force of the mount on the base, N, against its motion.
+    #[inline(always)]
+    fn reaction(&self, base: T, velocity: T) -> T {
+        self.stiffness * base + self.damping * velocity
+    }
+
+    /// Reaction at the middle of a step in which the base keeps its velocity, N, and what each m/s^2 adds to it.
+    #[inline(always)]
+    fn at_middle(&self, z: &State<T>, half: T) -> (T, T) {
+        (
+            self.reaction(z.base + half * z.base_velocity, z.base_velocity),
+            half * (self.damping + half * self.stiffness),
+        )
+    }
+}
 
 /// Constants of the jack.
 #[derive(Clone, Copy, Debug)]
 pub struct Jack<T> {
     /// Area `AJ`, m^2.
     pub area: T,
+    /// Mass that the relative motion moves, kg: the load's, or the reduced mass of load and base.
     mass: T,
+    mount: Option<Mount<T>>,
     viscous: T,
     quadratic: T,
     spring: T,
@@ -30,10 +80,12 @@ pub struct Jack<T> {
 
 impl<T: Real> Jack<T> {
     /// The jack of a set of parameters.
-    pub const fn new(p: &Parameters<T>) -> Self {
+    pub fn new(p: &Parameters<T>) -> Self {
+        let mount = Mount::of(p);
         Self {
             area: p.jack_area,
-            mass: p.load_mass,
+            mass: mount.map_or(p.load_mass, |mount| p.load_mass * mount.load_share),
+            mount,
             viscous: p.viscous_friction,
             quadratic: p.quadratic_drag,
             spring: p.spring_load,
@@ -59,11 +111,91 @@ impl<T: Real> Jack<T> {
         self.step_load != T::ZERO
     }
 
-    /// Force on the ram other than damping and friction, N, positive in extension.
+    /// Does the mount give way, so that the base moves?
     #[inline(always)]
-    pub fn drive(&self, pressure: T, ram: T, force: T, step_load_on: bool, one: T) -> T {
+    pub fn is_mounted(&self) -> bool {
+        self.mount.is_some()
+    }
+
+    /// Force on the ram from outside the jack, N, positive in extension.
+    #[inline(always)]
+    fn outer_force(&self, ground: T, force: T, step_load_on: bool, one: T) -> T {
         let load = if step_load_on { self.constant_load + self.step_load } else { self.constant_load };
-        self.area * pressure + force - load * one - self.spring * ram
+        force - load * one - self.spring * ground
+    }
+
+    /// Force on the ram other than damping and friction, N, positive in extension. On a mount that gives way: the
+    /// force that friction would have to balance to hold the ram in its cylinder.
+    #[inline(always)]
+    pub fn drive(&self, pressure: T, z: &State<T>, force: T, step_load_on: bool, one: T) -> T {
+        let outer = self.outer_force(z.ground(), force, step_load_on, one);
+        let outer = self.mount.map_or(outer, |mount| {
+            let reaction = mount.reaction(z.base, z.base_velocity);
+            outer * mount.load_share + reaction * (T::ONE - mount.load_share)
+        });
+        self.area * pressure + outer
+    }
+
+    /// Acceleration of the base, m/s^2, from that of the ram in its cylinder: the momentum of both changes by what
+    /// load and mount do.
+    #[inline(always)]
+    pub fn base_acceleration(
+        &self,
+        z: &State<T>,
+        force: T,
+        step_load_on: bool,
+        ram_acceleration: T,
+        one: T,
+    ) -> T {
+        self.mount.map_or(T::ZERO, |mount| {
+            let outer = self.outer_force(z.ground(), force, step_load_on, one);
+            let reaction = mount.reaction(z.base, z.base_velocity);
+            (outer - reaction - mount.load_mass * ram_acceleration) / mount.total_mass
+        })
+    }
+
+    /// Drive without the pressure's force and inertia of the relative motion over a step from `z`, the base taken at
+    /// the middle of the step implicitly; `middle` has the ram's position there.
+    #[inline(always)]
+    pub fn midpoint_drive(
+        &self,
+        z: &State<T>,
+        middle: &State<T>,
+        force: T,
+        step_load_on: bool,
+        half: T,
+    ) -> (T, T) {
+        let outer = self.outer_force(middle.ground(), force, step_load_on, T::ONE);
+        self.mount.map_or((outer, self.mass), |mount| {
+            // The reaction is `start + gain * b''` with `b'' = (outer - reaction - MJ a)/(MJ + mb)`: solved for `a`.
+            let (start, gain) = mount.at_middle(z, half);
+            let weight = T::ONE / (mount.total_mass + gain);
+            let share = T::ONE - mount.load_share;
+            let reaction = (mount.total_mass * start + gain * outer) * weight;
+            let inertia = self.mass + share * gain * mount.load_mass * weight;
+            (outer * mount.load_share + share * reaction, inertia)
+        })
+    }
+
+    /// Moves the base over a step that has given `end` its ram velocity.
+    #[inline(always)]
+    pub fn move_base(
+        &self,
+        z: &State<T>,
+        middle: &State<T>,
+        end: &mut State<T>,
+        force: T,
+        step_load_on: bool,
+        half: T,
+    ) {
+        if let Some(mount) = self.mount {
+            let outer = self.outer_force(middle.ground(), force, step_load_on, T::ONE);
+            let (start, gain) = mount.at_middle(z, half);
+            let ram_change = (end.ram_velocity - z.ram_velocity) * T::literal(0.5);
+            let change = (half * (outer - start) - mount.load_mass * ram_change) / (mount.total_mass + gain);
+            end.base_velocity = z.base_velocity + change + change;
+            end.base = z.base + (half + half) * (z.base_velocity + change);
+        }
     }
 
     /// Magnitude of the friction that is to be overcome at rest, N, in a direction (-1 or 1).
@@ -100,9 +232,8 @@ impl<T: Real> Jack<T> {
     /// The line on which velocity and pressure lie at the middle of a step:
     /// `v_mid = velocity + compliance * P12` (implicit midpoint), from everything but the pressure's force.
     #[inline(always)]
-    pub fn midpoint_line(&self, force_without_pressure: T, velocity: T, step: T) -> (T, T) {
-        let half = step * T::literal(0.5);
-        let inertia = self.mass + half * self.viscous;
+    pub fn midpoint_line(&self, force_without_pressure: T, mass: T, velocity: T, half: T) -> (T, T) {
+        let inertia = mass + half * self.viscous;
         (
             velocity + half * (force_without_pressure - self.viscous * velocity) / inertia,
             half * self.area / inertia,

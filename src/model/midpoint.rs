@@ -2,7 +2,7 @@
 
 use super::fluid::Fluid;
 use super::state::{Input, Mode, State, side};
-use super::{Drive, Model, SAG_LAG};
+use super::{Drive, Feedback, Model, SAG_LAG};
 use crate::scalar::Real;
 
 impl<T: Real> Model<T> {
@@ -44,11 +44,14 @@ impl<T: Real> Model<T> {
         if mode.jack_slides() {
             middle.ram += half * z.ram_velocity;
         }
+        if self.jack.is_mounted() {
+            middle.base += half * z.base_velocity;
+        }
         if mode.feedback_play != 0 {
             middle.sensed_spool += middle.spool - z.spool;
         }
-        if mode.user_play != 0 {
-            middle.fed_back_user += middle.ram - z.ram;
+        if mode.user_play == 0 && self.form.feedback == Feedback::User {
+            middle.user_gap = z.user_gap - (middle.ground() - z.ground());
         }
         let mut end = *z;
         self.step_jack(mode, z, &mut middle, &mut end, &middle_input, step);
@@ -71,10 +74,16 @@ impl<T: Real> Model<T> {
         if mode.feedback_play != 0 {
             end.sensed_spool = z.sensed_spool + (end.spool - z.spool);
         }
-        if mode.user_play != 0 {
-            end.fed_back_user = z.fed_back_user + (end.ram - z.ram);
+        if mode.user_play == 0 && self.form.feedback == Feedback::User {
+            end.user_gap = z.user_gap - (end.ground() - z.ground());
         }
         end
+    }
+
+    /// Rate of the supply's sag, 1/s.
+    #[inline(always)]
+    fn sag_rate(&self, velocity: T, sag: T) -> T {
+        (-self.parameters.supply_sag * velocity.magnitude() - sag) / T::literal(SAG_LAG)
     }
 
     /// Advances ram, pressure and supply; leaves the ram's velocity at the middle of the step in `middle`.
@@ -88,21 +97,25 @@ impl<T: Real> Model<T> {
         step: T,
     ) {
         let half = step * T::literal(0.5);
-        let fluid = self.fluid_now(z);
+        let step_load_on = mode.step_load != 0;
+        if self.parameters.supply_sag != T::ZERO {
+            middle.sag += half * self.sag_rate(z.ram_velocity, z.sag);
+        }
+        let fluid = self.fluid_now(middle);
         let opening = self.spool.opening(middle.spool, side(mode.overlap), T::ONE);
         if fluid.is_compressible() && mode.pressure == 0 {
             middle.pressure = z.pressure + half * fluid.pressure_rate(opening, z.ram_velocity, z.pressure);
         }
         if mode.jack_slides() {
             let direction = side(mode.jack);
-            let constant = self.jack.drive(T::ZERO, middle.ram, input.force, mode.step_load != 0, T::ONE)
-                + self.jack.coulomb(direction);
+            let (drive, inertia) = self.jack.midpoint_drive(z, middle, input.force, step_load_on, half);
+            let constant = drive + self.jack.coulomb(direction);
             let mut velocity = z.ram_velocity;
             // The curved forces need a velocity at the middle of the step: guess it, then use the guess.
             let passes = if self.jack.is_affine() { 1 } else { 2 };
             for _ in 0..passes {
                 let force = constant + self.jack.curved_force(velocity, direction);
-                let (line, compliance) = self.jack.midpoint_line(force, z.ram_velocity, step);
+                let (line, compliance) = self.jack.midpoint_line(force, inertia, z.ram_velocity, half);
                 let pressure = if self.form.drive == Drive::Force {
                     T::ZERO
                 } else if fluid.is_compressible() {
@@ -116,16 +129,16 @@ impl<T: Real> Model<T> {
             end.ram_velocity = velocity + velocity - z.ram_velocity;
             end.move_ram(step * velocity);
         }
+        if self.jack.is_mounted() {
+            self.jack.move_base(z, middle, end, input.force, step_load_on, half);
+            middle.base_velocity = (z.base_velocity + end.base_velocity) * T::literal(0.5);
+        }
         if fluid.is_compressible() && mode.pressure == 0 {
             end.pressure =
                 z.pressure + step * fluid.pressure_rate(opening, middle.ram_velocity, middle.pressure);
         }
         if self.parameters.supply_sag != T::ZERO {
-            let rate = |velocity: T, sag: T| {
-                (-self.parameters.supply_sag * velocity.magnitude() - sag) / T::literal(SAG_LAG)
-            };
-            let sag = z.sag + half * rate(z.ram_velocity, z.sag);
-            end.sag = z.sag + step * rate(middle.ram_velocity, sag);
+            end.sag = z.sag + step * self.sag_rate(middle.ram_velocity, middle.sag);
         }
     }
 
@@ -145,9 +158,9 @@ impl<T: Real> Model<T> {
         if !self.controller.is_proportional() && mode.integral == 0 {
             point.integral_rate = input.command - self.fed_back(z);
         }
-        if mode.hysteresis != 0 && mode.current == 0 {
+        if self.pilot.hysteresis != T::ZERO && mode.hysteresis != 0 && mode.current == 0 {
             // The acceleration is left out: with a rate gain the play is then first order only.
-            let velocity = self.fed_back_rate(mode, z.ram_velocity);
+            let velocity = self.fed_back_rate(mode, z.ground_velocity());
             point.held_current_rate = self.controller.demand_rate(input, self.fed_back(z), velocity, T::ZERO);
         }
         point

@@ -134,32 +134,48 @@ impl<T: Real> Model<T> {
             && self.pilot.feedback_play == T::ZERO
             && self.form.feedback == Feedback::Ram
             && !self.fluid.is_compressible()
-            && self.parameters.supply_sag == T::ZERO;
+            && self.parameters.supply_sag == T::ZERO
+            && !self.jack.is_mounted();
         if base { BASE_ORDER } else { FULL_ORDER }
     }
 
-    /// Has the model guards beyond those of the plain loop (plays, overlap, integral limit, step load)?
+    /// Has the model guards beyond those of the plain loop (plays, overlap, integral limit, step load, mount)?
     pub fn has_extra_guards(&self) -> bool {
         self.order() == FULL_ORDER || self.spool.overlap != T::ZERO || self.jack.has_step_load()
     }
 
+    /// Do guards jump with the rate of the command?
+    #[inline(always)]
+    pub fn guards_see_command_rate(&self) -> bool {
+        self.pilot.hysteresis != T::ZERO || self.controller.sees_rates()
+    }
+
     /// The state of rest with the ram at a position, valve centred, every play in the middle of its gap.
     pub fn at_rest(&self, ram: T) -> State<T> {
-        State { ram, fed_back_user: ram, ..State::default() }
+        State { ram, ..State::default() }
     }
 
     /// The mode of the state of rest.
     pub fn mode_at_rest(&self) -> Mode {
-        // The first-order valve has no friction: its spool is always free.
-        Mode { spool: i8::from(self.form.valve == ValveForm::FirstOrder), ..Mode::default() }
+        Mode {
+            // The first-order valve has no friction: its spool is always free.
+            spool: i8::from(self.form.valve == ValveForm::FirstOrder),
+            // A play of no width is always in contact, so that its matrices are those of a play in contact.
+            overlap: i8::from(self.spool.overlap == T::ZERO),
+            hysteresis: i8::from(self.pilot.hysteresis == T::ZERO),
+            feedback_play: i8::from(self.pilot.feedback_play == T::ZERO),
+            user_play: i8::from(self.form.feedback == Feedback::User && self.parameters.bkl == T::ZERO),
+            ground: i8::from(self.jack.is_mounted()),
+            ..Mode::default()
+        }
     }
 
     /// Position that the controller sees, m.
     #[inline(always)]
     fn fed_back(&self, z: &State<T>) -> T {
         match self.form.feedback {
-            Feedback::Ram => z.ram + z.ram_rest,
-            Feedback::User => z.fed_back_user,
+            Feedback::Ram => z.ground() + z.ram_rest,
+            Feedback::User => (z.ground() + z.user_gap) + z.ram_rest,
         }
     }
 
@@ -175,7 +191,7 @@ impl<T: Real> Model<T> {
     /// Current before its limit, mA.
     #[inline(always)]
     pub fn demand(&self, mode: &Mode, z: &State<T>, input: &Input<T>) -> T {
-        let velocity = self.fed_back_rate(mode, z.ram_velocity);
+        let velocity = self.fed_back_rate(mode, z.ground_velocity());
         self.controller.demand(input, self.fed_back(z), velocity, z.integral)
     }
 
@@ -217,11 +233,11 @@ impl<T: Real> Model<T> {
 
     /// First-stage pressure, Pa, in a mode of its limit.
     #[inline(always)]
-    fn first_stage_pressure(&self, mode: &Mode, flapper: T, one: T) -> T {
+    fn first_stage_pressure(&self, mode: &Mode, z: &State<T>, flapper: T, one: T) -> T {
         if mode.first_stage == 0 {
             self.pilot.pressure_gain * flapper
         } else {
-            side::<T>(mode.first_stage) * self.fluid.supply * one
+            side::<T>(mode.first_stage) * self.fluid_now(z).supply * one
         }
     }
 
@@ -238,7 +254,7 @@ impl<T: Real> Model<T> {
                 side::<T>(mode.flapper) * self.spool.rate_limit * one
             };
         }
-        self.spool.velocity(self.first_stage_pressure(mode, flapper, one), side(mode.spool), one)
+        self.spool.velocity(self.first_stage_pressure(mode, z, flapper, one), side(mode.spool), one)
     }
 
     /// Differential pressure of the linear form, Pa.
@@ -250,7 +266,7 @@ impl<T: Real> Model<T> {
             z.pressure
         } else {
             let opening = self.spool.opening(z.spool, side(mode.overlap), one);
-            self.fluid.limited_pressure(mode.pressure, opening, z.ram_velocity, one)
+            self.fluid_now(z).limited_pressure(mode.pressure, opening, z.ram_velocity, one)
         }
     }
 
@@ -263,16 +279,21 @@ impl<T: Real> Model<T> {
         let pressure = self.linear_pressure(mode, z, one);
         let direction = side(mode.jack);
         let (velocity, acceleration) = if mode.jack_slides() {
-            let drive = self.jack.drive(pressure, z.ram, input.force, mode.step_load != 0, one);
+            let drive = self.jack.drive(pressure, z, input.force, mode.step_load != 0, one);
             (z.ram_velocity, self.jack.affine_acceleration(drive, z.ram_velocity, direction, one))
         } else {
             (T::ZERO, T::ZERO)
         };
         let mut rate = State { ram: velocity, ram_velocity: acceleration, ..State::default() };
+        if self.jack.is_mounted() {
+            rate.base = z.base_velocity;
+            rate.base_velocity =
+                self.jack.base_acceleration(z, input.force, mode.step_load != 0, acceleration, one);
+        }
         if self.form.drive == Drive::Force {
             return rate;
         }
-        let seen_velocity = self.fed_back_rate(mode, z.ram_velocity);
+        let seen_velocity = self.fed_back_rate(mode, z.ground_velocity());
         let demand = self.controller.demand(input, self.fed_back(z), seen_velocity, z.integral);
         let current = self.controller.current(mode.current, demand, one);
         let motor_current = self.motor_current(mode, z, current, one);
@@ -289,15 +310,15 @@ impl<T: Real> Model<T> {
             rate.integral = input.command - self.fed_back(z);
         }
         if mode.hysteresis != 0 && mode.current == 0 {
-            let seen_acceleration = self.fed_back_rate(mode, acceleration);
+            let seen_acceleration = self.fed_back_rate(mode, acceleration + rate.base_velocity);
             rate.held_current =
                 self.controller.demand_rate(input, self.fed_back(z), seen_velocity, seen_acceleration);
         }
         if mode.feedback_play != 0 {
             rate.sensed_spool = rate.spool;
         }
-        if mode.user_play != 0 {
-            rate.fed_back_user = velocity;
+        if mode.user_play == 0 && self.form.feedback == Feedback::User {
+            rate.user_gap = -(velocity + rate.base);
         }
         if self.fluid.is_compressible() && mode.pressure == 0 {
             let opening = self.spool.opening(z.spool, side(mode.overlap), one);

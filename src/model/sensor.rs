@@ -12,8 +12,8 @@ pub struct Lvdt<T> {
     offset: T,
     gain: T,
     cubic: T,
-    /// Lag: weights of the last output, the last input and the input.
-    lag: Option<[T; 3]>,
+    /// Lag: weights of the last output, the last input, the input, and the second difference of the input.
+    lag: Option<[T; 4]>,
     /// Delay in sample periods.
     delay: T,
 }
@@ -23,6 +23,7 @@ pub struct Lvdt<T> {
 pub struct LvdtState<T> {
     lagged: T,
     last: T,
+    before: T,
     line: [T; DELAY_LINE],
     newest: usize,
 }
@@ -30,7 +31,7 @@ pub struct LvdtState<T> {
 impl<T: Real> LvdtState<T> {
     /// At rest at a position since long ago.
     pub const fn at_rest(position: T) -> Self {
-        Self { lagged: position, last: position, line: [position; DELAY_LINE], newest: 0 }
+        Self { lagged: position, last: position, before: position, line: [position; DELAY_LINE], newest: 0 }
     }
 }
 
@@ -40,10 +41,12 @@ impl<T: Real> Lvdt<T> {
         let lag = (p.sensor_lag > T::ZERO).then(|| {
             // Exact for an input that is linear over the sample: y1 = a y0 + (b - a) u0 + (1 - b) u1,
             // a = exp(-h/tau), b = (1 - a) tau/h; for h << tau both differences are small, hence the bound.
+            // The last weight makes it exact for a parabola through the last three samples.
             let ratio = sample_period / p.sensor_lag;
             let a = ratio.exp_negative();
             let b = (T::ONE - a) / ratio;
-            [a, b - a, T::ONE - b]
+            let curvature = T::literal(0.5) * b - (T::ONE - b) / ratio;
+            [a, b - a, T::ONE - b, curvature]
         });
         let longest = T::from_count(DELAY_LINE as u32 - 3);
         Self {
@@ -59,8 +62,10 @@ impl<T: Real> Lvdt<T> {
     #[inline]
     pub fn sample(&self, state: &mut LvdtState<T>, position: T) -> T {
         let mut seen = position;
-        if let Some([a, b, c]) = self.lag {
-            state.lagged = a * state.lagged + b * state.last + c * seen;
+        if let Some([a, b, c, d]) = self.lag {
+            let bend = (seen - state.last) - (state.last - state.before);
+            state.lagged = a * state.lagged + b * state.last + c * seen + d * bend;
+            state.before = state.last;
             state.last = seen;
             seen = state.lagged;
         }

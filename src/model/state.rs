@@ -12,9 +12,9 @@ pub struct State<T> {
     pub flapper_velocity: T,
     /// Spool position `XS`, m.
     pub spool: T,
-    /// Ram position `x`, m.
+    /// Ram position in its cylinder `x`, m.
     pub ram: T,
-    /// Ram velocity `v`, m/s.
+    /// Ram velocity in its cylinder `v`, m/s.
     pub ram_velocity: T,
     /// Integrated position error, m s.
     pub integral: T,
@@ -22,12 +22,16 @@ pub struct State<T> {
     pub held_current: T,
     /// Spool position that the feedback spring feels, behind its play, m.
     pub sensed_spool: T,
-    /// User position where it is fed back (behind the backlash), m.
-    pub fed_back_user: T,
+    /// User minus ram (over ground) where the user is fed back (behind the backlash), m: a difference, so that `f32` loses nothing.
+    pub user_gap: T,
     /// Differential pressure `P12` where the oil is compressible, Pa.
     pub pressure: T,
     /// Supply ratio `k` minus 1, lagged, where the supply sags.
     pub sag: T,
+    /// Position of the base where the mount gives way, m: the ram is at `ram + base` over ground.
+    pub base: T,
+    /// Velocity of the base, m/s.
+    pub base_velocity: T,
     /// What rounding has cut off the ram position, m: the ram is at `ram + ram_rest`. While the spool sticks the loop
     /// is open, and in `f32` the rounding of thousands of small steps would move the ram by tenths of a micrometre.
     pub ram_rest: T,
@@ -42,7 +46,7 @@ const SPOOL: usize = 2;
 /// Place of the ram position in the vector.
 pub const RAM: usize = 3;
 /// Number of states with every effect.
-pub const FULL_ORDER: usize = 11;
+pub const FULL_ORDER: usize = 13;
 
 impl<T: Real> State<T> {
     /// The state as a vector, the base model first.
@@ -57,9 +61,11 @@ impl<T: Real> State<T> {
             self.integral,
             self.held_current,
             self.sensed_spool,
-            self.fed_back_user,
+            self.user_gap,
             self.pressure,
             self.sag,
+            self.base,
+            self.base_velocity,
         ]
     }
 
@@ -75,9 +81,11 @@ impl<T: Real> State<T> {
             integral,
             held_current,
             sensed_spool,
-            fed_back_user,
+            user_gap,
             pressure,
             sag,
+            base,
+            base_velocity,
         ] = values;
         Self {
             flapper,
@@ -88,12 +96,26 @@ impl<T: Real> State<T> {
             integral,
             held_current,
             sensed_spool,
-            fed_back_user,
+            user_gap,
             pressure,
             sag,
+            base,
+            base_velocity,
             ram_rest: T::ZERO,
             spool_rest: T::ZERO,
         }
+    }
+
+    /// Position of the ram over ground, m.
+    #[inline(always)]
+    pub fn ground(&self) -> T {
+        self.ram + self.base
+    }
+
+    /// Velocity of the ram over ground, m/s.
+    #[inline(always)]
+    pub fn ground_velocity(&self) -> T {
+        self.ram_velocity + self.base_velocity
     }
 
     /// Moves the ram, m, and keeps what rounding cuts off.
@@ -170,6 +192,8 @@ pub struct Mode {
     pub user_play: i8,
     /// The step load is on (1) or not yet (0).
     pub step_load: i8,
+    /// Direction in which the ram moves over ground, where the mount gives way.
+    pub ground: i8,
 }
 
 impl Mode {

@@ -2,9 +2,11 @@
 
 pub mod engine;
 mod noise;
+mod polish;
 mod prepare;
 
 pub use noise::{NoiseSource, estimate};
+pub use polish::{Polished, foresee, polish};
 pub use prepare::{Prepared, prepare};
 
 use crate::rig::{Range, Rig};
@@ -18,7 +20,7 @@ use engine::{Job, dispatch};
 use std::time::Instant;
 
 /// Most parameters that one fit may free.
-pub const MAX_FREE: usize = 8;
+pub const MAX_FREE: usize = 12;
 /// Most members of a population.
 pub const MAX_POPULATION: usize = 64;
 

@@ -2,6 +2,7 @@
 
 pub mod calibrate;
 pub mod demo;
+pub mod diagnose;
 pub mod identify;
 pub mod import;
 pub mod lists;

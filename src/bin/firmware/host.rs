@@ -6,16 +6,16 @@ use crate::Platform;
 pub(crate) struct Host;
 
 impl Platform for Host {
-    fn result_f32(&mut self, name: &str, value: f32) {
-        println!("result {name}={:#010x}", value.to_bits());
+    fn result_f32(&mut self, group: &str, name: &str, value: f32) {
+        println!("result {group}.{name}={:#010x}", value.to_bits());
     }
 
-    fn result_count(&mut self, name: &str, value: u64) {
-        println!("result {name}={value}");
+    fn result_count(&mut self, group: &str, name: &str, value: u64) {
+        println!("result {group}.{name}={value}");
     }
 
     /// A host's instruction count says nothing of the microcontroller's: runs `work` and reports nothing.
-    fn measure<T>(&mut self, _name: &str, work: impl FnOnce() -> T) -> T {
+    fn measure<T>(&mut self, _group: &str, _name: &str, work: impl FnOnce() -> T) -> T {
         work()
     }
 }

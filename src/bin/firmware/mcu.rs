@@ -11,7 +11,10 @@
 #[path = "counter.rs"]
 mod counter;
 
-use crate::{Platform, workload};
+use crate::{
+    Platform,
+    workload::{self, Memory},
+};
 use core::{cell::RefCell, hint::black_box, panic::PanicInfo};
 use counter::Counter;
 use critical_section::Mutex;
@@ -30,12 +33,14 @@ const CALIBRATION_ROUNDS: u32 = 20_000_000;
 
 #[cortex_m_rt::entry]
 fn start() -> ! {
+    // The macro hands out a `static mut` of the entry as a reference, once: the entry runs once.
+    static mut MEMORY: Memory = Memory::new();
     let Some(peripherals) = cortex_m::Peripherals::take() else {
         process::exit(EXIT_NO_PERIPHERALS);
     };
     let mut board = Board { counter: Counter::new(peripherals.SYST) };
-    board.measure("calibration", || cortex_m::asm::delay(CALIBRATION_ROUNDS));
-    workload::run(&mut board);
+    board.measure("board", "calibration", || cortex_m::asm::delay(CALIBRATION_ROUNDS));
+    workload::run(&mut board, MEMORY);
     report_stack();
     if cfg!(feature = "negative-control-fault") {
         cortex_m::asm::udf();
@@ -57,21 +62,21 @@ struct Board {
 }
 
 impl Platform for Board {
-    fn result_f32(&mut self, name: &str, value: f32) {
-        defmt::println!("result {=str}={=u32:#010x}", name, value.to_bits());
+    fn result_f32(&mut self, group: &str, name: &str, value: f32) {
+        defmt::println!("result {=str}.{=str}={=u32:#010x}", group, name, value.to_bits());
     }
 
-    fn result_count(&mut self, name: &str, value: u64) {
-        defmt::println!("result {=str}={=u64}", name, value);
+    fn result_count(&mut self, group: &str, name: &str, value: u64) {
+        defmt::println!("result {=str}.{=str}={=u64}", group, name, value);
     }
 
-    fn measure<T>(&mut self, name: &str, work: impl FnOnce() -> T) -> T {
+    fn measure<T>(&mut self, group: &str, name: &str, work: impl FnOnce() -> T) -> T {
         // The black boxes keep the compiler from moving the work out of the measured interval.
         let work = black_box(work);
         let start = self.counter.now();
         let value = black_box(work());
         let cost = self.counter.since(start);
-        defmt::println!("measure {=str}.{=str}={=u64}", name, counter::UNIT, cost);
+        defmt::println!("measure {=str}.{=str}.{=str}={=u64}", group, name, counter::UNIT, cost);
         value
     }
 }

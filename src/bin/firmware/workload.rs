@@ -1,36 +1,148 @@
-//! Stand-in for the monitor's run: seeded noise through a logistic map, and square roots.
+//! The monitor's run: samples of an actuator with faults, and the identification of these faults from them.
+//!
+//! Two trials, both in `f32`. In `lf` the samples come from the monitor's own model, so that the estimates are off by
+//! the noise only. In `hf` they come from the high-fidelity equations (metering valve, midpoint rule), and what the
+//! monitor's model leaves out is read as a fault: the estimates come as they are.
+
+#[cfg(any(feature = "negative-control-panic", feature = "negative-control-f64"))]
+use core::hint::black_box;
 
 use crate::Platform;
-use core::hint::black_box;
-use rand_core::{Rng, SeedableRng};
-use rand_xoshiro::Xoshiro128PlusPlus;
+use core::slice;
+use eha_monitor::{
+    command::{COMMANDS, Command, CommandInfo},
+    fit::{
+        identify::{Identification, Settings},
+        problem::{Free, Problem, Record},
+        walk::Walk,
+    },
+    integrate::{exact::Exact, midpoint::Midpoint},
+    model::{Form, Model, state::BASE_ORDER},
+    parameter::{Parameter, Parameters},
+    trial::{Samples, SensorNoise},
+};
 
-/// Steps of the stand-in.
-const STEPS: u32 = 10_000;
+/// Sample period, s.
+const PERIOD: f32 = 1e-3;
+/// One second of samples and both of its ends.
+const SAMPLES: usize = 1001;
+/// The command: 1 cm, 0.1 to 1.5 Hz.
+const CHIRP: &CommandInfo = &COMMANDS[2];
+/// Noise of an LVDT, m, and of a current sensor, mA.
+const NOISE: SensorNoise<f32> = SensorNoise { user: 5e-6, current: 0.02 };
+/// Backlash of the actuator, m, and its dry friction, N: four times the healthy one.
+const FAULTS: [f32; 2] = [2e-4, 800.0];
+/// What is identified, in the source's bounds.
+const FREE: [Free<f32>; 2] = [
+    Free { parameter: Parameter::Backlash, lower: 0.0, upper: 1.5e-3 },
+    Free { parameter: Parameter::DryFriction, lower: 200.0, upper: 4000.0 },
+];
+/// Members of the population, as in the source.
+const POPULATION: usize = 20;
+/// Modes whose transition matrices are kept: the plain loop visits six of them on this command.
+const SLOTS: usize = 8;
+/// Step of the high-fidelity equations, s, as in the source.
+const HF_STEP: f32 = 1e-5;
+/// A sample in the middle of a slide.
+const QUIET_SAMPLE: usize = 150;
+/// Seeds of the noise and of the search.
+const NOISE_SEED: u64 = 1;
+const SEARCH_SEED: u64 = 2;
 
-/// Runs the workload and reports its results.
-pub(crate) fn run(platform: &mut impl Platform) {
-    let mean_root = platform.measure("workload", || logistic_roots(black_box(STEPS)));
-    platform.result_f32("mean_root", mean_root);
-    platform.result_count("steps", u64::from(STEPS));
-    #[cfg(feature = "negative-control-panic")]
-    platform.result_count("negative_control_panic", reachable_panic());
-    #[cfg(feature = "negative-control-f64")]
-    platform.result_f32("negative_control_f64", double_precision());
+/// Exact steps of the monitor's model.
+type MonitorStepper = Exact<f32, BASE_ORDER, SLOTS>;
+
+/// What the run needs to keep in RAM; too large for a stack that others share.
+pub(crate) struct Memory {
+    samples: Samples<f32, SAMPLES>,
+    stepper: MonitorStepper,
 }
 
-/// Mean of the square roots of `steps` values of a logistic map that noise perturbs.
-fn logistic_roots(steps: u32) -> f32 {
-    let mut rng = Xoshiro128PlusPlus::seed_from_u64(1);
-    let mut value = 0.5_f32;
-    let mut sum = 0.0_f32;
-    for _ in 0..steps {
-        // 24 random bits: exact in an f32, in [0, 1).
-        let noise = (rng.next_u32() >> 8) as f32 * (1.0 / 16_777_216.0);
-        value = 3.9 * value * (1.0 - value) * (0.99 + 0.01 * noise);
-        sum += libm::sqrtf(value);
+impl Memory {
+    pub(crate) const fn new() -> Self {
+        Self { samples: Samples::new(), stepper: Exact::new() }
     }
-    sum / steps as f32
+}
+
+/// Runs the workload and reports its results.
+pub(crate) fn run(platform: &mut impl Platform, memory: &mut Memory) {
+    let Memory { samples, stepper } = memory;
+    let command = Command::new(CHIRP);
+    let monitored = Parameters { bkl: FAULTS[0], fdj: FAULTS[1], ..Parameters::default() };
+    let lf = Model::new(Form::default(), &monitored);
+    let hf = Model::new(Form::default(), &Parameters { metering_blend: 1.0, ..monitored });
+
+    platform.measure("lf", "sampling", || samples.take(&lf, stepper, &command, PERIOD));
+    measure_quiet_sample(platform, &lf, &samples.record(), stepper);
+    samples.disturb(&NOISE, NOISE_SEED);
+    identify(platform, "lf", samples, stepper);
+
+    platform.measure("hf", "sampling", || samples.take(&hf, &mut Midpoint::new(HF_STEP), &command, PERIOD));
+    samples.disturb(&NOISE, NOISE_SEED);
+    identify(platform, "hf", samples, stepper);
+
+    #[cfg(feature = "negative-control-panic")]
+    platform.result_count("negative_control", "panic", reachable_panic());
+    #[cfg(feature = "negative-control-f64")]
+    platform.result_f32("negative_control", "f64", double_precision());
+}
+
+/// Reports what one sample costs the monitor's model where nothing happens, and shows that nothing did.
+fn measure_quiet_sample(
+    platform: &mut impl Platform,
+    model: &Model<f32>,
+    record: &Record<'_, f32>,
+    stepper: &mut MonitorStepper,
+) {
+    let mut walk = Walk::new(model, record);
+    for _ in 0..QUIET_SAMPLE {
+        walk.next(record, stepper);
+    }
+    let (_, before) = walk.effort();
+    let predicted = platform.measure("lf", "quiet_sample", || walk.next(record, stepper));
+    let (_, after) = walk.effort();
+    platform.result_count("lf", "quiet_sample_steps", u64::from(after - before));
+    if let Some((_, outputs)) = predicted {
+        platform.result_f32("lf", "quiet_sample_user_m", outputs.user);
+    }
+}
+
+/// Identifies the faults from the samples with the monitor's model, and reports what it finds and what it costs.
+fn identify(
+    platform: &mut impl Platform,
+    trial: &str,
+    samples: &Samples<f32, SAMPLES>,
+    stepper: &mut MonitorStepper,
+) {
+    let records = [samples.record()];
+    let problem = Problem {
+        form: Form::default(),
+        parameters: Parameters::default(),
+        free: &FREE,
+        records: &records,
+        noise: NOISE.of_channels(),
+    };
+    let truth = [FREE[0].gene(FAULTS[0]), FREE[1].gene(FAULTS[1])];
+    let misfit = platform.measure(trial, "evaluation", || problem.misfit(&truth, stepper));
+    platform.result_f32(trial, "chi_square_of_truth", misfit.chi_square);
+
+    let mut identification =
+        Identification::<f32, { FREE.len() }, POPULATION>::new(&problem, Settings::default(), SEARCH_SEED);
+    let reason =
+        platform.measure(trial, "identification", || identification.run(&problem, slice::from_mut(stepper)));
+    platform.result_count(trial, "stop_reason", reason as u64);
+    platform.result_count(trial, "evaluations", identification.evaluations().into());
+    platform.result_count(trial, "generations", identification.search().generations().into());
+    let Some(found) = identification.result() else { return };
+    platform.result_f32(trial, "chi_square", found.normal.misfit.chi_square);
+    let Some(errors) = found.normal.standard_errors() else { return };
+    let names = [["bkl_m", "bkl_error_m"], ["fdj_N", "fdj_error_N"]];
+    for (([value, error], free), (gene, gene_error)) in
+        names.into_iter().zip(&FREE).zip(found.genes.into_iter().zip(errors))
+    {
+        platform.result_f32(trial, value, free.value(gene));
+        platform.result_f32(trial, error, free.range() * gene_error);
+    }
 }
 
 /// An index that the compiler cannot prove to be in bounds: the release image must not link.

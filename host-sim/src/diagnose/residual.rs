@@ -1,0 +1,206 @@
+//! What is left: is it noise, how coloured is it, where and when does it act?
+
+use crate::fit::Prepared;
+use eha_monitor::channel::Channel;
+use eha_monitor::model::state::Outputs;
+
+/// Channels that the model predicts.
+pub const MEASURED: usize = Channel::MEASURED.len();
+
+/// Error of the model itself (its integration, against the same equations at 1e-6 s) in each measured channel: an
+/// effect that changes a prediction by less does not matter.
+pub const MODEL_ERROR: [f64; MEASURED] = [0.3e-6, 0.3e-6, 3e-3, 3e3];
+
+/// Lags of the whiteness test.
+const LAGS: usize = 20;
+
+/// The residual of one channel over all records.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChannelResidual {
+    /// Root mean square, in the channel's unit.
+    pub rms: f64,
+    /// Root of what neighbouring samples share: the part that is not white noise, in the channel's unit.
+    pub coloured_rms: f64,
+    /// Ljung-Box statistic in standard deviations above its mean under white noise.
+    pub colour_sigma: f64,
+    /// Samples.
+    pub count: usize,
+}
+
+/// Residual series of a channel, one for each record.
+pub fn series(records: &[Prepared], predictions: &[Vec<Outputs<f64>>], channel: usize) -> Vec<Vec<f64>> {
+    records
+        .iter()
+        .zip(predictions)
+        .map(|(record, outputs)| {
+            let core = record.as_core();
+            outputs
+                .iter()
+                .enumerate()
+                .filter(|(sample, _)| core.is_compared(*sample))
+                .filter_map(|(sample, output)| {
+                    record.measured(channel).get(sample).map(|value| value - output.to_array()[channel])
+                })
+                .collect()
+        })
+        .collect()
+}
+
+/// Tests the residual of a channel; none where no record has it.
+pub fn test(all: &[Vec<f64>]) -> Option<ChannelResidual> {
+    let mut power = 0.0;
+    let mut count = 0;
+    let mut products = [0.0; LAGS + 1];
+    let mut pairs = [0_usize; LAGS + 1];
+    for one in all {
+        for (index, value) in one.iter().enumerate().filter(|(_, value)| value.is_finite()) {
+            power += value * value;
+            count += 1;
+            for lag in 1..=LAGS {
+                if let Some(later) = one.get(index + lag).filter(|later| later.is_finite()) {
+                    products[lag] += value * later;
+                    pairs[lag] += 1;
+                }
+            }
+        }
+    }
+    if count <= 2 * LAGS {
+        return None;
+    }
+    let mean_square = power / count as f64;
+    let mut statistic = 0.0;
+    let mut shared = 0.0;
+    for lag in 1..=LAGS {
+        let covariance = products[lag] / pairs[lag].max(1) as f64;
+        let correlation = if mean_square > 0.0 { covariance / mean_square } else { 0.0 };
+        statistic += correlation * correlation * pairs[lag] as f64;
+        if lag <= 3 {
+            shared += covariance / 3.0;
+        }
+    }
+    Some(ChannelResidual {
+        rms: mean_square.sqrt(),
+        coloured_rms: shared.max(0.0).sqrt(),
+        // Chi-square with LAGS degrees of freedom: mean LAGS, variance 2 LAGS.
+        colour_sigma: (statistic - LAGS as f64) / (2.0 * LAGS as f64).sqrt(),
+        count,
+    })
+}
+
+impl ChannelResidual {
+    /// Is it just noise: white (within `limit` standard deviations of the test), or coloured by less than the model's
+    /// own error, and no larger than the noise where the noise is known?
+    pub fn is_noise(&self, channel: usize, known_noise: Option<f64>, limit: f64) -> bool {
+        let error = MODEL_ERROR[channel];
+        let white = self.colour_sigma <= limit || self.coloured_rms <= error;
+        let small = known_noise.is_none_or(|noise| {
+            let excess = (self.rms / noise).powi(2) - 1.0;
+            let tolerance = limit * (2.0 / self.count as f64).sqrt();
+            excess <= tolerance || (self.rms * self.rms - noise * noise).max(0.0).sqrt() <= error
+        });
+        white && small
+    }
+}
+
+/// Integrated autocorrelation time of a residual, in samples, at least 1.
+pub fn correlation_time(all: &[Vec<f64>]) -> f64 {
+    let count: usize = all.iter().map(Vec::len).sum();
+    let power: f64 = all.iter().flatten().filter(|value| value.is_finite()).map(|value| value * value).sum();
+    if power == 0.0 {
+        return 1.0;
+    }
+    let mut time = 1.0;
+    for lag in 1..count / 10 {
+        let mut product = 0.0;
+        for one in all {
+            product += one
+                .iter()
+                .zip(one.iter().skip(lag))
+                .map(|(a, b)| a * b)
+                .filter(|product| product.is_finite())
+                .sum::<f64>();
+        }
+        let correlation = product / power;
+        if correlation < 2.0 / (count as f64).sqrt() {
+            break;
+        }
+        time += 2.0 * correlation;
+    }
+    time
+}
+
+/// What an unexplained residual goes with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Description {
+    /// Quantity of the motion that it follows best, and the correlation.
+    pub follows: Option<(&'static str, f64)>,
+    /// Interval of time, s, in the first record that holds half of its power in the shortest time.
+    pub active: [f64; 2],
+    /// Frequency with the most power, Hz, and the share of the power within a tenth of it.
+    pub tone: Option<(f64, f64)>,
+}
+
+/// Describes the position residual of the first record.
+pub fn describe(record: &Prepared, outputs: &[Outputs<f64>], residual: &[f64]) -> Description {
+    let period = record.sample_period;
+    let count = residual.len().min(outputs.len());
+    let skip = outputs.len() - count;
+    let ram: Vec<f64> = outputs[skip..].iter().map(|output| output.ram).collect();
+    let velocity: Vec<f64> = (0..count)
+        .map(|k| (ram[(k + 1).min(count - 1)] - ram[k.saturating_sub(1)]) / (2.0 * period))
+        .collect();
+    let features: [(&str, Vec<f64>); 6] = [
+        ("a constant", vec![1.0; count]),
+        ("the position", ram.clone()),
+        ("the velocity", velocity.clone()),
+        ("the direction of motion", velocity.iter().map(|v| v.signum()).collect()),
+        ("the speed", velocity.iter().map(|v| v.abs()).collect()),
+        ("time (a drift)", (0..count).map(|k| k as f64 / count as f64 - 0.5).collect()),
+    ];
+    let norm = |a: &[f64]| a.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let follows = features
+        .iter()
+        .map(|(name, feature)| {
+            let product: f64 = residual.iter().zip(feature).map(|(a, b)| a * b).sum();
+            (*name, product / (norm(residual) * norm(feature)).max(f64::MIN_POSITIVE))
+        })
+        .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
+        .filter(|(_, correlation)| correlation.abs() > 0.5);
+    Description { follows, active: active(residual, period), tone: tone(residual, period) }
+}
+
+fn active(residual: &[f64], period: f64) -> [f64; 2] {
+    let total: f64 = residual.iter().map(|x| x * x).sum();
+    let (mut best, mut low, mut power) = ([0, residual.len()], 0, 0.0);
+    for (high, value) in residual.iter().enumerate() {
+        power += value * value;
+        while power - residual[low] * residual[low] >= total / 2.0 {
+            power -= residual[low] * residual[low];
+            low += 1;
+        }
+        if power >= total / 2.0 && high + 1 - low < best[1] - best[0] {
+            best = [low, high + 1];
+        }
+    }
+    [best[0] as f64 * period, best[1] as f64 * period]
+}
+
+fn tone(residual: &[f64], period: f64) -> Option<(f64, f64)> {
+    let count = residual.len();
+    let total: f64 = residual.iter().map(|x| x * x).sum();
+    let power = |frequency: f64| {
+        let (mut cosine, mut sine) = (0.0, 0.0);
+        for (k, value) in residual.iter().enumerate() {
+            let (s, c) = (std::f64::consts::TAU * frequency * k as f64 * period).sin_cos();
+            cosine += value * c;
+            sine += value * s;
+        }
+        2.0 * (cosine * cosine + sine * sine) / count as f64 / total
+    };
+    let bins = (count / 4).min(400);
+    (1..bins)
+        .map(|bin| bin as f64 / (count as f64 * period))
+        .map(|frequency| (frequency, power(frequency)))
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+        .filter(|(_, share)| *share > 0.4)
+}

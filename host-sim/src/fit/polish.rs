@@ -1,0 +1,151 @@
+//! A fit from given starts, without a global search: for a model that differs little from one that is fitted.
+
+use super::engine::{Job, dispatch};
+use super::{MAX_FREE, Prepared};
+use crate::rig::{Range, Rig};
+use eha_monitor::fit::gauss_newton::{Normal, Settings, finish, normal_equations};
+use eha_monitor::fit::problem::{Free, Misfit, Problem};
+use eha_monitor::integrate::Stepper;
+
+/// The result of a polish.
+#[derive(Clone, Debug)]
+pub struct Polished {
+    /// Value of each range's parameter.
+    pub values: Vec<f64>,
+    /// Misfit there.
+    pub misfit: Misfit<f64>,
+    /// Covariance of the values for white noise; not finite where the records say nothing.
+    pub covariance: Vec<Vec<f64>>,
+    /// Evaluations of the model.
+    pub evaluations: u32,
+}
+
+impl Polished {
+    /// Standard error of a value for white noise.
+    pub fn standard_error(&self, index: usize) -> f64 {
+        self.covariance[index][index].sqrt()
+    }
+
+    /// The rig with the values in it.
+    pub fn applied(&self, rig: &Rig, ranges: &[Range]) -> Rig {
+        let mut rig = rig.clone();
+        for (range, value) in ranges.iter().zip(&self.values) {
+            rig.parameters.set(range.parameter, *value);
+        }
+        rig
+    }
+}
+
+/// Goes to the bottom of the basin from each start and returns the lowest; none without a start.
+pub fn polish(
+    rig: &Rig,
+    ranges: &[Range],
+    starts: &[Vec<f64>],
+    records: &[Prepared],
+    noise: [f64; 4],
+) -> Option<Polished> {
+    let free = free(ranges);
+    let core_records: Vec<_> = records.iter().map(Prepared::as_core).collect();
+    let problem =
+        Problem { form: rig.form, parameters: rig.parameters, free: &free, records: &core_records, noise };
+    dispatch(&problem, Polish { starts })
+}
+
+/// What the linear model at each start foresees, without going there: one evaluation of the normal equations a start.
+/// A start at which the records say nothing about a parameter is left out.
+pub fn foresee(
+    rig: &Rig,
+    ranges: &[Range],
+    starts: &[Vec<f64>],
+    records: &[Prepared],
+    noise: [f64; 4],
+) -> Vec<Polished> {
+    let free = free(ranges);
+    let core_records: Vec<_> = records.iter().map(Prepared::as_core).collect();
+    let problem =
+        Problem { form: rig.form, parameters: rig.parameters, free: &free, records: &core_records, noise };
+    dispatch(&problem, Foresee { starts })
+}
+
+fn free(ranges: &[Range]) -> Vec<Free<f64>> {
+    ranges
+        .iter()
+        .take(MAX_FREE)
+        .map(|range| Free { parameter: range.parameter, lower: range.lower, upper: range.upper })
+        .collect()
+}
+
+type Genes = [f64; MAX_FREE];
+
+fn genes_of(problem: &Problem<'_, f64>, values: &[f64]) -> Genes {
+    std::array::from_fn(|gene| {
+        problem.free.get(gene).zip(values.get(gene)).map_or(0.0, |(free, &value)| free.gene(value))
+    })
+}
+
+fn polished(
+    problem: &Problem<'_, f64>,
+    genes: &Genes,
+    normal: &Normal<f64, MAX_FREE>,
+    misfit: Misfit<f64>,
+    evaluations: u32,
+) -> Polished {
+    let covariance = normal.covariance();
+    let count = problem.free.len();
+    let entry = |row: usize, column: usize| {
+        let scale = problem.free[row].range() * problem.free[column].range();
+        covariance.map_or(f64::NAN, |matrix| matrix[(row, column)] * scale)
+    };
+    Polished {
+        values: problem.free.iter().zip(genes).map(|(free, &gene)| free.value(gene)).collect(),
+        misfit,
+        covariance: (0..count).map(|row| (0..count).map(|column| entry(row, column)).collect()).collect(),
+        evaluations,
+    }
+}
+
+struct Foresee<'a> {
+    starts: &'a [Vec<f64>],
+}
+
+impl Job for Foresee<'_> {
+    type Output = Vec<Polished>;
+
+    fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Self::Output {
+        let count = problem.free.len();
+        let difference = Settings::default().difference;
+        self.starts
+            .iter()
+            .filter_map(|start| {
+                let genes = genes_of(problem, start);
+                let normal = normal_equations(problem, &genes, difference, steppers);
+                let (there, chi_square) = normal.foreseen(&genes, count)?;
+                let misfit = Misfit { chi_square, count: normal.misfit.count };
+                Some(polished(problem, &there, &normal, misfit, count as u32 + 1))
+            })
+            .collect()
+    }
+}
+
+struct Polish<'a> {
+    starts: &'a [Vec<f64>],
+}
+
+impl Job for Polish<'_> {
+    type Output = Option<Polished>;
+
+    fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Self::Output {
+        let settings = Settings { tolerance: 0.05, ..Settings::default() };
+        let mut evaluations = 0;
+        let mut finishes = Vec::new();
+        for start in self.starts {
+            let found = finish(problem, &genes_of(problem, start), &settings, steppers);
+            evaluations += found.evaluations;
+            finishes.push(found);
+        }
+        let best = finishes
+            .iter()
+            .min_by(|a, b| a.normal.misfit.chi_square.total_cmp(&b.normal.misfit.chi_square))?;
+        Some(polished(problem, &best.genes, &best.normal, best.normal.misfit, evaluations))
+    }
+}

@@ -1,0 +1,306 @@
+//! `diagnose`: what does the model lack?
+
+use super::DEFAULT_RIG;
+use crate::cli::Common;
+use crate::diagnose::{Case, Diagnosis, Score, Verdict, diagnose};
+use crate::failure::Failure;
+use crate::fit::{self, FitSettings, Prepared};
+use crate::output::{self, SCHEMA};
+use crate::record::Record;
+use crate::rig::{self, Rig};
+use eha_monitor::channel::Channel;
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Options of `diagnose`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Options {
+    /// Records to fit, together.
+    #[arg(required = true, value_name = "REC.csv")]
+    records: Vec<PathBuf>,
+    /// Record that is only predicted, to validate what was found; best with another command.
+    #[arg(long, value_name = "REC.csv")]
+    holdout: Vec<PathBuf>,
+    /// Where to write the final model's prediction of the (first) held-out record.
+    #[arg(long, value_name = "FILE.csv", requires = "holdout")]
+    prediction: Option<PathBuf>,
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// Usage or bad data.
+pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
+    let rig = super::rig(common, DEFAULT_RIG)?;
+    let train = super::read_records(common, &options.records)?;
+    let holdout = super::read_records(common, &options.holdout)?;
+    let names =
+        options.records.iter().chain(&options.holdout).map(|path| path.display().to_string()).collect();
+    let job = Job { common, rig, train, holdout, names };
+    let (diagnosis, result) = job.run()?;
+    job.save(&diagnosis, &result, options.prediction.as_deref())?;
+    if common.json {
+        output::print_json(&result)
+    } else {
+        output::print(job.text(&diagnosis, &result).trim_end())
+    }
+}
+
+/// A diagnosis of records that were read.
+pub(super) struct Job<'a> {
+    pub(super) common: &'a Common,
+    pub(super) rig: Rig,
+    pub(super) train: Vec<Record>,
+    pub(super) holdout: Vec<Record>,
+    pub(super) names: Vec<String>,
+}
+
+impl Job<'_> {
+    pub(super) fn run(&self) -> Result<(Diagnosis, Value), Failure> {
+        let started = Instant::now();
+        let (noise, _) = fit::estimate(&self.rig, &self.train);
+        let prepare = |records: &[Record]| -> Vec<Prepared> {
+            records.iter().map(|record| fit::prepare(&self.rig, record, noise[0])).collect()
+        };
+        let (train, holdout) = (prepare(&self.train), prepare(&self.holdout));
+        let known_noise = Channel::MEASURED.map(|channel| self.rig.noise_of(channel));
+        if self.rig.faults.is_empty() && self.rig.free.is_empty() {
+            return Err(Failure::usage(
+                "the rig declares no fault and no free parameter: there is nothing to fit",
+            ));
+        }
+        let case = Case { rig: &self.rig, train: &train, holdout: &holdout, noise, known_noise };
+        let settings = FitSettings { seed: self.common.seed, ..FitSettings::default() };
+        let bar = output::bar(self.common, 100, "diagnosing");
+        let diagnosis = diagnose(&case, &settings, &|what, share| {
+            bar.set_position((share * 100.0) as u64);
+            bar.set_message(what.to_owned());
+        });
+        bar.finish_and_clear();
+        let result = self.json(&diagnosis, started.elapsed().as_secs_f64());
+        Ok((diagnosis, result))
+    }
+
+    fn json(&self, diagnosis: &Diagnosis, seconds: f64) -> Value {
+        let pair = |scores: &[Score; 2]| json!({ "before_rms_m": output::number(scores[0].position_rms), "after_rms_m": output::number(scores[1].position_rms) });
+        let declared = self.rig.faults.len();
+        let found = |named: bool| -> Vec<Value> {
+            diagnosis
+                .found
+                .iter()
+                .filter(|found| found.named == named)
+                .map(|found| {
+                    json!({
+                        "name": found.effect.name,
+                        "class": found.class.iter().map(|effect| effect.name).collect::<Vec<_>>(),
+                        "evidence": output::number(found.evidence),
+                        "equation": found.effect.equation,
+                        "port": found.effect.port.name(),
+                        "parameters": found.estimates.iter().map(output::estimate_json).collect::<Vec<_>>(),
+                    })
+                })
+                .collect()
+        };
+        let faults: Vec<Value> = diagnosis
+            .faults
+            .iter()
+            .map(|fault| {
+                let mut row = output::estimate_json(&fault.estimate);
+                row["confounded_with"] = fault.confounded_with.iter().map(|effect| effect.name).collect();
+                row
+            })
+            .collect();
+        let ranges = [self.rig.faults.clone(), self.rig.free.clone()].concat();
+        json!({
+            "schema": SCHEMA,
+            "verdict": diagnosis.verdict.name(),
+            "faults_before": diagnosis.before.estimates.iter().take(declared).map(output::estimate_json).collect::<Vec<_>>(),
+            "faults": faults,
+            "effects": found(true),
+            "empirical_terms": found(false),
+            "error": {
+                "noise_rms_m": output::number(diagnosis.noise[0]),
+                "train": pair(&diagnosis.train),
+                "holdout": diagnosis.holdout.as_ref().map(pair),
+            },
+            "left": diagnosis.left.as_ref().map(|left| json!({
+                "follows": left.follows.map(|(name, correlation)| json!({ "quantity": name, "correlation": correlation })),
+                "active_s": left.active,
+                "tone": left.tone.map(|(frequency, share)| json!({ "frequency_Hz": frequency, "share": share })),
+            })),
+            "next_experiment": next_experiment(self, diagnosis),
+            "warnings": warnings(diagnosis),
+            "seconds": seconds,
+            "seed": self.common.seed,
+            "config": output::config_json(self.common, &self.rig, &ranges, &self.names),
+        })
+    }
+
+    pub(super) fn save(
+        &self,
+        diagnosis: &Diagnosis,
+        result: &Value,
+        prediction: Option<&Path>,
+    ) -> Result<(), Failure> {
+        if let Some(path) = output::out_path(self.common, "rig.toml") {
+            let effects: Vec<&str> = diagnosis.rig.effects.iter().map(|effect| effect.name).collect();
+            let comments = [
+                format!("diagnosed on {} by host-sim {}", self.names.join(", "), env!("CARGO_PKG_VERSION")),
+                format!(
+                    "verdict {}, added effects: {}",
+                    diagnosis.verdict.name(),
+                    if effects.is_empty() { "none".to_owned() } else { effects.join(", ") }
+                ),
+            ];
+            output::write_file(&path, rig::write(&diagnosis.rig, &comments).as_bytes())?;
+            output::log(self.common, &format!("wrote {}", path.display()));
+        }
+        if let Some(path) = output::out_path(self.common, "diagnose.json") {
+            output::write_file(
+                &path,
+                serde_json::to_string_pretty(result).map_err(Failure::other)?.as_bytes(),
+            )?;
+            output::log(self.common, &format!("wrote {}", path.display()));
+        }
+        if let (Some(path), Some(record)) = (prediction, self.holdout.first()) {
+            let prepared = [fit::prepare(&self.rig, record, diagnosis.noise[0])];
+            let mut text = String::from("t_s,lvdt_m\n");
+            for (sample, output) in fit::predict(&diagnosis.rig, &prepared).concat().iter().enumerate() {
+                let _ = writeln!(text, "{},{}", record.time_s(sample), output.user);
+            }
+            output::write_file(path, text.as_bytes())?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn text(&self, diagnosis: &Diagnosis, result: &Value) -> String {
+        let mut text = String::new();
+        let um = |value: f64| format!("{:.3} um", value * 1e6);
+        let _ = writeln!(text, "verdict: {}", diagnosis.verdict.name());
+        for found in &diagnosis.found {
+            let sizes: Vec<String> = found
+                .estimates
+                .iter()
+                .map(|estimate| {
+                    let info = estimate.parameter.info();
+                    let q = |value| output::quantity(value, info.unit);
+                    format!(
+                        "{} = {} ({} to {})",
+                        info.name,
+                        q(estimate.value),
+                        q(estimate.ci95[0]),
+                        q(estimate.ci95[1])
+                    )
+                })
+                .collect();
+            let what = if found.named { "effect" } else { "empirical term (not a name for what is there)" };
+            let _ = writeln!(
+                text,
+                "{what}: {}: {}; {}",
+                found.effect.name,
+                found.effect.equation,
+                sizes.join(", ")
+            );
+            if found.class.len() > 1 {
+                let names: Vec<&str> = found.class.iter().skip(1).map(|effect| effect.name).collect();
+                let _ = writeln!(text, "  these records cannot tell it from: {}", names.join(", "));
+            }
+        }
+        let _ = writeln!(text, "\nerror of the user position (noise {}):", um(diagnosis.noise[0]));
+        let mut rows = vec![("fitted records", diagnosis.train)];
+        rows.extend(diagnosis.holdout.map(|scores| ("held-out records", scores)));
+        let largest =
+            rows.iter().flat_map(|(_, scores)| scores).map(|score| score.position_rms).fold(0.0, f64::max);
+        for (name, scores) in rows {
+            for (when, score) in ["before", "after"].into_iter().zip(scores) {
+                let length = (score.position_rms / largest * 40.0).round().max(1.0) as usize;
+                let _ = writeln!(
+                    text,
+                    "  {name:<17} {when:<7}{:>12}  {}",
+                    um(score.position_rms),
+                    "#".repeat(length)
+                );
+            }
+        }
+        let mut table = output::table(["fault", "before", "after", "95 % interval", "mixed up with"]);
+        for (fault, before) in diagnosis.faults.iter().zip(&diagnosis.before.estimates) {
+            let info = fault.estimate.parameter.info();
+            let q = |value| output::quantity(value, info.unit);
+            let names: Vec<&str> = fault.confounded_with.iter().map(|effect| effect.name).collect();
+            table.add_row([
+                info.name.to_owned(),
+                q(before.value),
+                q(fault.estimate.value),
+                format!("{} to {}", q(fault.estimate.ci95[0]), q(fault.estimate.ci95[1])),
+                if names.is_empty() { "-".to_owned() } else { names.join(", ") },
+            ]);
+        }
+        let _ = writeln!(text, "\n{table}");
+        if let Some(left) = &diagnosis.left {
+            let _ =
+                write!(text, "left: half of it acts from {:.3} to {:.3} s", left.active[0], left.active[1]);
+            if let Some((name, correlation)) = left.follows {
+                let _ = write!(text, "; it follows {name} (correlation {correlation:.2})");
+            }
+            if let Some((frequency, share)) = left.tone {
+                let _ = write!(text, "; {:.0} % of it is a tone at {frequency:.1} Hz", share * 100.0);
+            }
+            let _ = writeln!(text);
+        }
+        for warning in warnings(diagnosis) {
+            let _ = writeln!(text, "note: {warning}");
+        }
+        if let Some(next) = result["next_experiment"].as_str().filter(|next| !next.is_empty()) {
+            let _ = writeln!(text, "next: {next}");
+        }
+        let _ = writeln!(
+            text,
+            "{:.2} s, seed {}",
+            result["seconds"].as_f64().unwrap_or(f64::NAN),
+            self.common.seed
+        );
+        text
+    }
+}
+
+fn warnings(diagnosis: &Diagnosis) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if diagnosis.holdout.is_none() && !diagnosis.found.is_empty() {
+        warnings.push("no held-out record: what was found is not validated".to_owned());
+    }
+    for fault in &diagnosis.faults {
+        let names: Vec<&str> = fault.confounded_with.iter().map(|effect| effect.name).collect();
+        if !names.is_empty() {
+            let name = fault.estimate.parameter.info().name;
+            warnings.push(format!("{name} holds only if none of these is present: {}", names.join(", ")));
+        }
+    }
+    if diagnosis.verdict == Verdict::Unexplained && !diagnosis.runners_up.is_empty() {
+        let names: Vec<&str> = diagnosis.runners_up.iter().map(|(effect, _)| effect.name).collect();
+        warnings.push(format!("no effect of the catalogue explains the rest; nearest: {}", names.join(", ")));
+    }
+    warnings
+}
+
+/// What to measure so that what is open now is settled.
+fn next_experiment(job: &Job<'_>, diagnosis: &Diagnosis) -> String {
+    let open = diagnosis.found.iter().any(|found| found.class.len() > 1)
+        || diagnosis.faults.iter().any(|fault| !fault.confounded_with.is_empty());
+    let absent: Vec<&str> = Channel::MEASURED
+        .into_iter()
+        .filter(|&channel| job.train.iter().all(|record| record.channel(channel).is_none()))
+        .map(|channel| channel.info().column)
+        .collect();
+    if open && !absent.is_empty() {
+        format!("measure {} as well: the position alone does not tell these apart", absent.join(", "))
+    } else if open {
+        "fly a command with more reversals at low amplitude, and one at high velocity".to_owned()
+    } else if diagnosis.verdict == Verdict::Unexplained {
+        "repeat the same command: what repeats with it is in the actuator, what does not is outside"
+            .to_owned()
+    } else {
+        String::new()
+    }
+}
