@@ -71,8 +71,8 @@ fn refused() -> Vec<(&'static str, String, Vec<&'static str>)> {
             record(100, |k| format!("{:.3},{},0.001", k as f64 * 1e-3, position(k))),
             vec!["bad.csv", "column `lvdt_m` (3)", "same value"],
         ),
-        ("millimetres", scaled(1e3), vec!["bad.csv", "lvdt_m", "millimetres"]),
-        ("counts", scaled(1e7), vec!["bad.csv", "lvdt_m", "counts"]),
+        ("millimetres", scaled(1e3), vec!["bad.csv:", "column `", "millimetres"]),
+        ("counts", scaled(1e7), vec!["bad.csv:", "column `", "counts"]),
         (
             "a blank command",
             with_row(7, "0.007,,0.001"),
