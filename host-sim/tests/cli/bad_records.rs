@@ -32,6 +32,8 @@ fn refused() -> Vec<(&'static str, String, Vec<&'static str>)> {
     let scaled = |factor: f64| {
         record(100, |k| format!("{:.3},{},{}", k as f64 * 1e-3, position(k) * factor, position(k) * factor))
     };
+    let counts =
+        record(100, |k| format!("{:.3},{},{}", k as f64 * 1e-3, position(k), (position(k) * 1e7).round()));
     let good = record(100, row);
     vec![
         (
@@ -72,7 +74,7 @@ fn refused() -> Vec<(&'static str, String, Vec<&'static str>)> {
             vec!["bad.csv", "column `lvdt_m` (3)", "same value"],
         ),
         ("millimetres", scaled(1e3), vec!["bad.csv:", "column `", "millimetres"]),
-        ("counts", scaled(1e7), vec!["bad.csv:", "column `", "counts"]),
+        ("counts", counts, vec!["bad.csv:", "column `", "counts"]),
         (
             "a blank command",
             with_row(7, "0.007,,0.001"),
