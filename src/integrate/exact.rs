@@ -117,6 +117,7 @@ impl<T: Real, const N: usize, const SLOTS: usize> Default for Exact<T, N, SLOTS>
 }
 
 impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Exact<T, N, SLOTS> {
+    const CALM: u32 = 0;
     const TOP: usize = LEVELS - 1;
 
     fn begin(&mut self, sample_period: T, has_force: bool, rig_changed: bool) {

@@ -25,6 +25,8 @@ pub struct Run<T> {
     guards: Guards<T>,
     /// A quarter of what each guard fell by in a finest step on the way here; zero after an event.
     fall: Guards<T>,
+    /// Finest steps since the last event.
+    calm: u32,
     /// Mode changes so far.
     pub events: u32,
     /// Steps taken so far, rejected ones included.
@@ -35,7 +37,7 @@ impl<T: Real> Run<T> {
     /// A run that starts from a state and mode.
     pub fn starting(model: &Model<T>, state: State<T>, mode: Mode, input: &Input<T>) -> Self {
         let mut run =
-            Self { state, mode, guards: Guards::default(), fall: Guards::default(), events: 0, steps: 0 };
+            Self { state, mode, guards: Guards::default(), fall: Guards::default(), calm: u32::MAX, events: 0, steps: 0 };
         run.guards = Guards::at(model, &run.mode, &run.state, input, T::ZERO);
         run
     }
@@ -149,6 +151,9 @@ impl<T: Real> Guards<T> {
 
 /// A rule that takes a state over a step inside one mode.
 pub trait Stepper<T: Real> {
+    /// Finest steps without an event after which coarser ones are taken again.
+    const CALM: u32;
+
     /// Coarsest level: a step of level `l` is `4^l` finest steps long.
     const TOP: usize;
 
@@ -193,7 +198,7 @@ pub fn advance<T: Real, S: Stepper<T>>(
         run.guards = Guards::at(model, &run.mode, &run.state, &segment.start, segment.time);
     }
     let mut position: u32 = 0;
-    let mut level = S::TOP;
+    let mut level = if run.calm < S::CALM { 0 } else { S::TOP };
     while position < units {
         let size = 1_u32 << (2 * level);
         let elapsed = unit * T::from_count(position);
@@ -210,7 +215,9 @@ pub fn advance<T: Real, S: Stepper<T>>(
                 continue;
             }
             cross(stepper, model, run, segment, elapsed, &mut observe);
+            run.calm = 0;
         } else {
+            run.calm = run.calm.saturating_add(size);
             run.state = state;
             if S::TOP > 0 {
                 run.fall = run.guards.fall(&guards, length);
@@ -219,7 +226,7 @@ pub fn advance<T: Real, S: Stepper<T>>(
         }
         observe(run.state.ground());
         position += size;
-        while level < S::TOP && position.is_multiple_of(4 << (2 * level)) {
+        while level < S::TOP && run.calm >= S::CALM && position.is_multiple_of(4 << (2 * level)) {
             level += 1;
         }
     }

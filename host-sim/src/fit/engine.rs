@@ -9,7 +9,7 @@ use eha_monitor::integrate::midpoint::Midpoint;
 use eha_monitor::model::state::{BASE_ORDER, FULL_ORDER, Outputs};
 
 /// Longest step of the midpoint rule in a fit, s: its error is then below 0.3 um on every command.
-const FIT_STEP: f64 = 1.6e-5;
+const FIT_STEP: f64 = 5e-5;
 
 /// Modes whose transition matrices are kept.
 const SLOTS: usize = 32;
