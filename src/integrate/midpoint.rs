@@ -51,7 +51,14 @@ impl<T: Real> Stepper<T> for Midpoint<T> {
     fn enter(&mut self, _: &Model<T>, _: &Mode) {}
 
     #[inline]
-    fn step(&self, model: &Model<T>, run: &Run<T>, input: &Input<T>, force_rate: T, level: usize) -> State<T> {
+    fn step(
+        &self,
+        model: &Model<T>,
+        run: &Run<T>,
+        input: &Input<T>,
+        force_rate: T,
+        level: usize,
+    ) -> State<T> {
         let step = if level == 0 { self.finest } else { self.finest * T::literal(4.0) };
         model.midpoint_step(&run.mode, &run.state, input, force_rate, step)
     }

@@ -36,8 +36,15 @@ pub struct Run<T> {
 impl<T: Real> Run<T> {
     /// A run that starts from a state and mode.
     pub fn starting(model: &Model<T>, state: State<T>, mode: Mode, input: &Input<T>) -> Self {
-        let mut run =
-            Self { state, mode, guards: Guards::default(), fall: Guards::default(), calm: u32::MAX, events: 0, steps: 0 };
+        let mut run = Self {
+            state,
+            mode,
+            guards: Guards::default(),
+            fall: Guards::default(),
+            calm: u32::MAX,
+            events: 0,
+            steps: 0,
+        };
         run.guards = Guards::at(model, &run.mode, &run.state, input, T::ZERO);
         run
     }

@@ -17,7 +17,7 @@ const SLOTS: usize = 32;
 /// Exact steps of the base model.
 pub type Base = Exact<f64, BASE_ORDER, SLOTS>;
 /// Exact steps of a model with every state.
-pub type Full = Exact<f64, FULL_ORDER, SLOTS>;
+pub type Full = Exact<f64, FULL_ORDER, { SLOTS / 2 }>;
 
 /// Fixed steps of a model that is not piecewise affine.
 pub type Fixed = Midpoint<f64>;
