@@ -35,8 +35,7 @@ pub fn applies(effect: &EffectInfo, rig: &Rig, ranges: &[Range]) -> bool {
         Parameter::FeedbackPlay | Parameter::FilterClogging | Parameter::SpoolFriction
     );
     let in_hydraulics = matches!(effect.port, Port::Valve | Port::Fluid);
-    !part_of_model
-        && !(in_hydraulics && rig.form.drive == Drive::Force)
+    !(part_of_model || in_hydraulics && rig.form.drive == Drive::Force)
         && !(pilot && rig.form.valve == ValveForm::FirstOrder)
 }
 
