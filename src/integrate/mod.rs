@@ -77,18 +77,14 @@ impl<T: Real> Guards<T> {
     /// `fall` is that of the step before. Where this says no, [`must_refine`](Self::must_refine) looks closer.
     #[inline(always)]
     fn all_clear(&self, fall: &Self, after: &Self, size: T, has_extra: bool) -> bool {
-        let mut clear = true;
-        for index in 0..LOOP_GUARDS {
-            let dip = fall.plain[index] * size;
-            clear &= (self.plain[index] >= dip) & (after.plain[index] >= dip);
-        }
-        if has_extra {
-            for index in 0..EXTRA_GUARDS {
-                let dip = fall.extra[index] * size;
-                clear &= (self.extra[index] >= dip) & (after.extra[index] >= dip);
-            }
-        }
-        clear
+        let is_clear = |before: &[T], after: &[T], fall: &[T]| {
+            before.iter().zip(after).zip(fall).all(|((&before, &after), &fall)| {
+                let dip = (fall * size).magnitude();
+                before >= dip && after >= dip
+            })
+        };
+        is_clear(&self.plain, &after.plain, &fall.plain)
+            && (!has_extra || is_clear(&self.extra, &after.extra, &fall.extra))
     }
 
     /// Is a guard violated after a step, or may it have been inside a step that can be divided?
@@ -102,22 +98,22 @@ impl<T: Real> Guards<T> {
         let fall = fall.plain.iter().chain(&fall.extra);
         before.zip(after).zip(fall).enumerate().any(|(index, ((&before, &after), &fall))| {
             Model::<T>::is_violated(index, before, after)
-                || (divisible && fall > T::ZERO && before.smaller(after) < fall * size)
+                || (divisible && before.smaller(after) < fall * size)
         })
     }
 
     /// Takes over the guards after a step of `size` finest steps, and in `fall` a quarter of what they fell by for
-    /// each finest step, 0 where they rose.
+    /// each finest step.
     #[inline(always)]
     fn accept(&mut self, fall: &mut Self, after: &Self, size: T, has_extra: bool) {
         let weight = T::literal(0.25) / size;
         for index in 0..LOOP_GUARDS {
-            fall.plain[index] = ((self.plain[index] - after.plain[index]) * weight).larger(T::ZERO);
+            fall.plain[index] = (self.plain[index] - after.plain[index]) * weight;
         }
         self.plain = after.plain;
         if has_extra {
             for index in 0..EXTRA_GUARDS {
-                fall.extra[index] = ((self.extra[index] - after.extra[index]) * weight).larger(T::ZERO);
+                fall.extra[index] = (self.extra[index] - after.extra[index]) * weight;
             }
             self.extra = after.extra;
         }
@@ -197,40 +193,78 @@ pub fn advance<T: Real, S: Stepper<T>>(
     segment: &InputSegment<T>,
     mut observe: impl FnMut(T),
 ) {
-    let (units, unit) = (stepper.units(), stepper.unit());
-    let has_extra = model.has_extra_guards();
     stepper.enter(model, &run.mode);
     if model.guards_see_command_rate() {
         // The rate may have jumped with the sample.
         run.guards = Guards::at(model, &run.mode, &run.state, &segment.start, segment.time);
     }
-    let mut position: u32 = 0;
+    // Straight code for the usual case, a sample in one step: in a loop the compiler would fetch all that the model
+    // is made of ahead of it.
     let mut level = if run.calm < S::CALM { 0 } else { S::TOP };
+    if level == S::TOP && stepper.units() == 1 << (2 * S::TOP) {
+        if attempt(stepper, model, run, segment, 0, S::TOP) {
+            observe(run.state.ground());
+            return;
+        }
+        level = S::TOP.saturating_sub(1);
+    }
+    divide(stepper, model, run, segment, level, &mut observe);
+}
+
+/// Takes a run a step further, unless that step must be refined. A finest step is refused only where it holds an event.
+#[inline(always)]
+fn attempt<T: Real, S: Stepper<T>>(
+    stepper: &S,
+    model: &Model<T>,
+    run: &mut Run<T>,
+    segment: &InputSegment<T>,
+    position: u32,
+    level: usize,
+) -> bool {
+    let unit = stepper.unit();
+    let size = 1_u32 << (2 * level);
+    let input = segment.at(unit * T::from_count(position));
+    let state = stepper.step(model, run, &input, segment.force_rate, level);
+    run.steps += 1;
+    let end = unit * T::from_count(position + size);
+    let guards = Guards::at(model, &run.mode, &state, &segment.at(end), segment.time + end);
+    let length = T::from_count(size);
+    let has_extra = model.has_extra_guards();
+    if !run.guards.all_clear(&run.fall, &guards, length, has_extra)
+        && run.guards.must_refine(&run.fall, &guards, length, level > 0)
+    {
+        return false;
+    }
+    run.calm = run.calm.saturating_add(size);
+    run.state = state;
+    run.guards.accept(&mut run.fall, &guards, length, has_extra);
+    true
+}
+
+/// Takes a run over one sample in several steps, the first of a level.
+#[inline(never)]
+fn divide<T: Real, S: Stepper<T>>(
+    stepper: &mut S,
+    model: &Model<T>,
+    run: &mut Run<T>,
+    segment: &InputSegment<T>,
+    mut level: usize,
+    observe: &mut impl FnMut(T),
+) {
+    let units = stepper.units();
+    let mut position: u32 = 0;
     while position < units {
-        let size = 1_u32 << (2 * level);
-        let elapsed = unit * T::from_count(position);
-        let input = segment.at(elapsed);
-        let state = stepper.step(model, run, &input, segment.force_rate, level);
-        run.steps += 1;
-        let end = unit * T::from_count(position + size);
-        let guards = Guards::at(model, &run.mode, &state, &segment.at(end), segment.time + end);
-        let length = T::from_count(size);
-        if !run.guards.all_clear(&run.fall, &guards, length, has_extra)
-            && run.guards.must_refine(&run.fall, &guards, length, level > 0)
-        {
+        if !attempt(stepper, model, run, segment, position, level) {
             if level > 0 {
                 level -= 1;
                 continue;
             }
-            cross(stepper, model, run, segment, elapsed, &mut observe);
+            let elapsed = stepper.unit() * T::from_count(position);
+            cross(stepper, model, run, segment, elapsed, observe);
             run.calm = 0;
-        } else {
-            run.calm = run.calm.saturating_add(size);
-            run.state = state;
-            run.guards.accept(&mut run.fall, &guards, length, has_extra);
         }
         observe(run.state.ground());
-        position += size;
+        position += 1 << (2 * level);
         while level < S::TOP && run.calm >= S::CALM && position.is_multiple_of(4 << (2 * level)) {
             level += 1;
         }
