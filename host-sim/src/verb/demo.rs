@@ -28,6 +28,9 @@ const SAMPLES: usize = 1001;
 /// Longest step of the HF model, s.
 const PLANT_STEP: f64 = 2e-6;
 
+/// Where the example's files go unless the user says otherwise.
+const DIRECTORY: &str = "eha-demo";
+
 /// Options of `demo`.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub struct Options {}
@@ -37,20 +40,20 @@ pub struct Options {}
 /// # Errors
 /// A file cannot be written.
 pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
+    let directory = common.out.clone().unwrap_or_else(|| DIRECTORY.into());
+    let common = &Common { out: Some(directory.clone()), ..common.clone() };
     let rig = Rig::load(DEFAULT_RIG)?;
     let mut records = FLIGHTS
         .iter()
         .enumerate()
         .map(|(index, (command, _))| fly(&rig, command, common.seed + index as u64))
         .collect::<Result<Vec<_>, _>>()?;
-    if let Some(directory) = &common.out {
-        std::fs::create_dir_all(directory).map_err(Failure::other)?;
-        for record in &records {
-            let path = directory.join(format!("{}.csv", record.name()));
-            let comment = format!("host-sim {} demo, seed {}", env!("CARGO_PKG_VERSION"), common.seed);
-            save_csv(record, &[comment], &path).map_err(Failure::other)?;
-            output::log(common, &format!("wrote {}", path.display()));
-        }
+    std::fs::create_dir_all(&directory).map_err(Failure::other)?;
+    for record in &records {
+        let path = directory.join(format!("{}.csv", record.name()));
+        let comment = format!("host-sim {} demo, seed {}", env!("CARGO_PKG_VERSION"), common.seed);
+        save_csv(record, &[comment], &path).map_err(Failure::other)?;
+        output::log(common, &format!("wrote {}", path.display()));
     }
     let holdout = records.split_off(2);
     let names = FLIGHTS.iter().map(|(command, role)| format!("{command} ({role})")).collect();
@@ -66,8 +69,15 @@ pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
             format!("{} = {}", parameter.info().name, output::quantity(*value, parameter.info().unit))
         })
         .collect();
-    output::print(&format!("the actuator of the example (unknown to the monitor): {}\n", truth.join(", ")))?;
-    output::print(job.text(&diagnosis, &result).trim_end())
+    let text = format!(
+        "the actuator of the example (unknown to the monitor): {}\n\n{}",
+        truth.join(", "),
+        job.text(&diagnosis, &result).trim_end()
+    );
+    let path = directory.join("report.txt");
+    output::write_file(&path, text.as_bytes())?;
+    output::log(common, &format!("wrote {}", path.display()));
+    output::print(&text)
 }
 
 fn fly(rig: &Rig, name: &str, seed: u64) -> Result<Record, Failure> {

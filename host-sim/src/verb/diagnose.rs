@@ -294,7 +294,10 @@ fn next_experiment(job: &Job<'_>, diagnosis: &Diagnosis) -> String {
         .map(|channel| channel.info().column)
         .collect();
     if open && !absent.is_empty() {
-        format!("measure {} as well: the position alone does not tell these apart", absent.join(", "))
+        format!(
+            "measure {} as well: the channels of these records do not tell these apart",
+            absent.join(", ")
+        )
     } else if open {
         "fly a command with more reversals at low amplitude, and one at high velocity".to_owned()
     } else if diagnosis.verdict == Verdict::Unexplained {
