@@ -276,7 +276,7 @@ impl<T: Real + RealField, const GENES: usize> Normal<T, GENES> {
     /// Standard error of each gene, in genes: the roots of the [covariance](Self::covariance)'s diagonal.
     pub fn standard_errors(&self) -> Option<[T; GENES]> {
         let variances = self.covariance()?.diagonal();
-        Some(variances.data.0[0].map(|variance| variance.root()))
+        Some(variances.data.0[0].map(T::root))
     }
 }
 
