@@ -22,18 +22,20 @@ pub mod verb;
 use cli::{Cli, Verb};
 use failure::Failure;
 
+/// Stack of a worker, bytes: the transition matrices of a full model are made on it.
+const WORKER_STACK: usize = 16 << 20;
+
 /// Runs what the command line asks for.
 ///
 /// # Errors
 /// The failure and its exit code; see [`failure::EXIT_CODES`].
 pub fn run(cli: &Cli) -> Result<(), Failure> {
     let common = &cli.common;
-    if let Some(threads) = common.threads {
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(usize::from(threads))
-            .build_global()
-            .map_err(Failure::other)?;
-    }
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(common.threads.map_or(0, usize::from))
+        .stack_size(WORKER_STACK)
+        .build_global()
+        .map_err(Failure::other)?;
     match &cli.verb {
         Verb::Demo(options) => verb::demo::run(common, options),
         Verb::Simulate(options) => verb::simulate::run(common, options),

@@ -7,7 +7,7 @@ use super::problem::{MEASURED, Misfit, Problem, Record};
 use super::walk::Walk;
 use crate::integrate::Stepper;
 use crate::model::Model;
-use crate::scalar::Real;
+use crate::scalar::{Real, Scalar};
 use nalgebra::{RealField, SMatrix, SVector};
 
 /// Samples that one model walks before the next one follows: amortises what a change of model costs the stepper.
@@ -276,7 +276,7 @@ impl<T: Real + RealField, const GENES: usize> Normal<T, GENES> {
     /// Standard error of each gene, in genes: the roots of the [covariance](Self::covariance)'s diagonal.
     pub fn standard_errors(&self) -> Option<[T; GENES]> {
         let variances = self.covariance()?.diagonal();
-        Some(variances.data.0[0].map(T::root))
+        Some(variances.data.0[0].map(Scalar::root))
     }
 }
 

@@ -35,9 +35,9 @@ pub fn applies(effect: &EffectInfo, rig: &Rig, ranges: &[Range]) -> bool {
         Parameter::FeedbackPlay | Parameter::FilterClogging | Parameter::SpoolFriction
     );
     let in_hydraulics = matches!(effect.port, Port::Valve | Port::Fluid);
-    !part_of_model
-        && !(in_hydraulics && rig.form.drive == Drive::Force)
-        && !(pilot && rig.form.valve == ValveForm::FirstOrder)
+    let out_of_place = (in_hydraulics && rig.form.drive == Drive::Force)
+        || (pilot && rig.form.valve == ValveForm::FirstOrder);
+    !part_of_model && !out_of_place
 }
 
 /// Ranges of an effect's parameters around the values that a rig has.

@@ -1,13 +1,17 @@
 //! Closing the loop: from a residual to a named missing effect, or to an honest "I cannot tell".
 //!
 //! ```text
-//! fit the declared faults --> residual noise? --> adequate
-//!        |  no, or some effect still matters
+//! fit the declared faults
+//!        |
 //!        v
-//! refit jointly with every effect of the catalogue --> evidence --> best one, and its class
+//! look at every effect of the catalogue beside them (linear), fit the promising ones --> evidence
 //!        |  significant, matters, and helps the held-out record?
 //!        v
-//! add it, up to three --> residual noise? explained : unexplained
+//! keep the best few hypotheses, grow each by another effect, until one leaves noise or nothing helps (up to three)
+//!        |
+//!        v
+//! which effects could stand in for each that was added? --> its class
+//! residual noise? adequate or explained : unexplained
 //! ```
 
 pub mod candidate;
@@ -26,7 +30,9 @@ use residual::{ChannelResidual, Description, MEASURED, MODEL_ERROR};
 const MOST_EFFECTS: usize = 3;
 /// Fall of chi-square that the linear model must foresee for an effect to be fitted: far below what is accepted.
 const PROMISING: f64 = 4.0;
-/// Most effects that are fitted in a round, the most promising first.
+/// Hypotheses that are grown further.
+const BEAM: usize = 3;
+/// Most effects that are fitted for a hypothesis in a round, the most promising first.
 const MOST_FITTED: usize = 10;
 /// Twice the logarithm of the odds (100 to 1) below which two effects are not told apart.
 const CLASS_EVIDENCE: f64 = 9.2;
@@ -78,8 +84,8 @@ pub struct Found {
 pub struct Score {
     /// Root mean square of the user position's residual, m.
     pub position_rms: f64,
-    /// Mean square of all channels in units of their noise.
-    pub mean_square: f64,
+    /// Sum of the squares of all channels in units of their noise.
+    pub chi_square: f64,
 }
 
 /// A fault, and what it is mixed up with.
@@ -144,123 +150,211 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f
     }
     watch("fitting the declared faults", 0.0);
     let before = fit::fit(case.rig, &ranges, case.train, case.noise, settings, |_| {});
-    let mut rig = Rig { parameters: before.parameters, ..case.rig.clone() };
+    let rig = Rig { parameters: before.parameters, ..case.rig.clone() };
     let score_before = [score(case, &rig, case.train), score(case, &rig, case.holdout)];
-    let mut state = State {
+    let root = Hypothesis {
         polished: Polished {
             values: before.estimates.iter().map(|estimate| estimate.value).collect(),
             misfit: before.misfit,
             covariance: covariance(&before),
             evaluations: before.evaluations,
         },
+        rig,
         ranges,
-        found: Vec::new(),
-        runners_up: Vec::new(),
-        inflation: 1.0,
+        added: Vec::new(),
         prospects: Vec::new(),
+        inflation: 1.0,
+        penalty: 0.0,
+        holdout: score_before[1].chi_square,
+        runners_up: Vec::new(),
     };
+    let mut best = root.clone();
+    let mut beam = vec![root];
     for stage in 0..MOST_EFFECTS {
         let label = format!("trying effects, round {}", stage + 1);
-        watch(&label, (1.0 + stage as f64) / (2.0 + MOST_EFFECTS as f64));
-        if !state.grow(case, &mut rig) {
+        let mut grown: Vec<Hypothesis> = Vec::new();
+        for (index, hypothesis) in beam.iter_mut().enumerate() {
+            let share = (stage as f64 + index as f64 / BEAM as f64 + 0.5) / (MOST_EFFECTS as f64 + 1.0);
+            watch(&label, share);
+            grown.extend(hypothesis.grow(case));
+        }
+        if stage == 0 {
+            best.clone_from(&beam[0]);
+        }
+        grown.sort_by(|a, b| a.cost(&best).total_cmp(&b.cost(&best)));
+        grown.dedup_by(|a, b| a.same_effects(b));
+        grown.truncate(BEAM);
+        let Some(first) = grown.first() else { break };
+        if first.cost(&best) < best.cost(&best) {
+            best.clone_from(first);
+        }
+        if best.leaves_noise(case) {
             break;
         }
+        beam = grown;
     }
-    watch("testing the residual", 1.0);
-    state.conclude(case, rig, before, score_before)
+    if best.prospects.is_empty() {
+        best.look(case);
+    }
+    watch("testing the residual", 0.95);
+    best.conclude(case, before, score_before)
 }
 
-/// A diagnosis as it goes on.
-struct State {
+/// A model that may be the right one: effects that were added, and how it fits.
+#[derive(Clone)]
+struct Hypothesis {
+    rig: Rig,
     ranges: Vec<Range>,
     polished: Polished,
-    found: Vec<Found>,
-    runners_up: Vec<(&'static EffectInfo, f64)>,
+    /// Effects that were added, each with its evidence against the model without it.
+    added: Vec<(&'static EffectInfo, f64)>,
+    /// What the linear model says of every further effect.
+    prospects: Vec<Prospect>,
     /// How much the noise is to be multiplied by for what is left: mean square times correlation time.
     inflation: f64,
-    /// The last round's prospects: what the faults would be mixed up with.
-    prospects: Vec<Prospect>,
+    /// What its parameters cost, in chi-square of plain noise.
+    penalty: f64,
+    /// Chi-square of the held-out records, which it was not fitted to.
+    holdout: f64,
+    /// Effects that came near.
+    runners_up: Vec<(&'static EffectInfo, f64)>,
 }
 
-impl State {
-    /// Adds the best effect that is significant, matters and validates; says whether there was one.
-    fn grow(&mut self, case: &Case<'_>, rig: &mut Rig) -> bool {
-        let here = &*rig;
-        let ranges = &self.ranges;
-        let base = self.polished.misfit;
+impl Hypothesis {
+    /// Chi-square of fitted and held-out records with a price on parameters, in units of what the best model leaves.
+    fn cost(&self, best: &Self) -> f64 {
+        (self.polished.misfit.chi_square + self.holdout) / self.inflation.min(best.inflation).max(1.0)
+            + self.penalty
+    }
+
+    fn same_effects(&self, other: &Self) -> bool {
+        self.added.len() == other.added.len()
+            && self
+                .added
+                .iter()
+                .all(|(effect, _)| other.added.iter().any(|(known, _)| known.name == effect.name))
+    }
+
+    fn leaves_noise(&self, case: &Case<'_>) -> bool {
+        [case.train, case.holdout].into_iter().all(|records| {
+            let predictions = fit::predict(&self.rig, records);
+            is_noise(case, &residuals(records, &predictions))
+        })
+    }
+
+    /// Looks at every effect that is not in the model yet.
+    fn look(&mut self, case: &Case<'_>) {
+        let (rig, ranges) = (&self.rig, &self.ranges);
         self.prospects = EFFECTS
             .par_iter()
-            .filter(|effect| candidate::applies(effect, here, ranges))
-            .filter_map(|effect| candidate::look(effect, here, ranges, case.train, case.noise))
+            .filter(|effect| candidate::applies(effect, rig, ranges))
+            .filter_map(|effect| candidate::look(effect, rig, ranges, case.train, case.noise))
             .collect();
+    }
+
+    /// Fits the effects that promise to lower chi-square, best first.
+    fn fit_promising(&self, case: &Case<'_>) -> Vec<Candidate> {
+        let base = self.polished.misfit.chi_square;
         let mut promising: Vec<&Prospect> = self
             .prospects
             .iter()
-            .filter(|prospect| base.chi_square - prospect.foreseen.misfit.chi_square > PROMISING)
+            .filter(|prospect| base - prospect.foreseen.misfit.chi_square > PROMISING)
             .collect();
         promising.sort_by(|a, b| a.foreseen.misfit.chi_square.total_cmp(&b.foreseen.misfit.chi_square));
         promising.truncate(MOST_FITTED);
-        let mut candidates: Vec<Candidate> =
-            promising.par_iter().filter_map(|prospect| prospect.fit(here, case.train, case.noise)).collect();
-        candidates.sort_by(|a, b| a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square));
-        let Some(best) = candidates.first() else { return false };
-        self.inflation = inflation(case, &best.rig, &best.fit.misfit);
-        let catalogue = 2.0 * (self.prospects.len() as f64).ln();
-        let evidence = |candidate: &Candidate| {
-            let parameters = candidate.effect.parameters.len() as f64;
-            (base.chi_square - candidate.fit.misfit.chi_square) / self.inflation
-                - parameters * (f64::from(base.count) / self.inflation.max(1.0)).ln().max(1.0)
-                - catalogue
-        };
-        let ranked: Vec<(&Candidate, f64)> =
-            candidates.iter().map(|candidate| (candidate, evidence(candidate))).collect();
-        let accepted = ranked
-            .iter()
-            .filter(|(_, evidence)| *evidence > 0.0)
-            .max_by(|a, b| a.1.total_cmp(&b.1))
-            .filter(|(candidate, _)| {
-                self.matters(case, rig, candidate) && validates(case, rig, &candidate.rig)
-            })
-            .map(|(candidate, evidence)| ((*candidate).clone(), *evidence));
-        let Some((chosen, gained)) = accepted else {
-            self.runners_up =
-                ranked.iter().take(3).map(|(candidate, evidence)| (candidate.effect, *evidence)).collect();
-            return false;
-        };
-        let mut class = vec![chosen.effect];
-        class.extend(
-            ranked
-                .iter()
-                .filter(|(candidate, evidence)| {
-                    candidate.effect.name != chosen.effect.name
-                        && *evidence > 0.0
-                        && gained - evidence < CLASS_EVIDENCE
-                })
-                .map(|(candidate, _)| candidate.effect),
-        );
-        self.runners_up = ranked
-            .iter()
-            .filter(|(candidate, _)| class.iter().all(|member| member.name != candidate.effect.name))
-            .take(3)
-            .map(|(candidate, evidence)| (candidate.effect, *evidence))
+        let mut candidates: Vec<Candidate> = promising
+            .par_iter()
+            .filter_map(|prospect| prospect.fit(&self.rig, case.train, case.noise))
             .collect();
-        self.found.push(Found {
-            effect: chosen.effect,
-            class,
-            evidence: gained,
-            named: true,
-            estimates: Vec::new(),
-        });
-        *rig = chosen.rig;
-        self.ranges = chosen.ranges;
-        self.polished = chosen.fit;
-        true
+        candidates.sort_by(|a, b| a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square));
+        candidates
+    }
+
+    /// The hypotheses with one more effect that is significant, matters and validates, best first.
+    fn grow(&mut self, case: &Case<'_>) -> Vec<Self> {
+        self.look(case);
+        let candidates = self.fit_promising(case);
+        let Some(best) = candidates.first() else { return Vec::new() };
+        self.inflation = inflation(case, &best.rig, &best.fit.misfit);
+        let count = f64::from(self.polished.misfit.count);
+        let trials = 2.0 * (self.prospects.len() as f64).ln();
+        let ranked: Vec<(Candidate, f64, f64)> = candidates
+            .into_iter()
+            .map(|candidate| {
+                let gain =
+                    (self.polished.misfit.chi_square - candidate.fit.misfit.chi_square) / self.inflation;
+                let price = candidate.effect.parameters.len() as f64 * (count / self.inflation).ln().max(1.0)
+                    + trials;
+                (candidate, gain - price, price)
+            })
+            .collect();
+        self.runners_up =
+            ranked.iter().take(3).map(|(candidate, evidence, _)| (candidate.effect, *evidence)).collect();
+        ranked
+            .into_par_iter()
+            .filter(|(_, evidence, _)| *evidence > 0.0)
+            .filter(|(candidate, ..)| self.matters(case, candidate))
+            .map(|(candidate, evidence, price)| {
+                let holdout = score(case, &candidate.rig, case.holdout).chi_square;
+                (candidate, evidence, price, holdout)
+            })
+            .filter(|(.., holdout)| case.holdout.is_empty() || *holdout < self.holdout)
+            .map(|(candidate, evidence, price, holdout)| {
+                let mut added = self.added.clone();
+                added.push((candidate.effect, evidence));
+                Self {
+                    inflation: inflation(case, &candidate.rig, &candidate.fit.misfit),
+                    rig: candidate.rig,
+                    ranges: candidate.ranges,
+                    polished: candidate.fit,
+                    added,
+                    prospects: Vec::new(),
+                    penalty: self.penalty + price,
+                    holdout,
+                    runners_up: Vec::new(),
+                }
+            })
+            .collect()
+    }
+
+    /// The effects that could stand in for one that was added: with each in its place, the others kept, the records
+    /// are explained as well.
+    fn class_of(&self, case: &Case<'_>, effect: &'static EffectInfo) -> Vec<&'static EffectInfo> {
+        let mut without = self.clone();
+        without.rig.effects.retain(|known| known.name != effect.name);
+        for &parameter in effect.parameters {
+            without.rig.parameters.set(parameter, case.rig.parameters.get(parameter));
+        }
+        without.ranges.retain(|range| !effect.parameters.contains(&range.parameter));
+        let starts =
+            [without.ranges.iter().map(|range| without.rig.parameters.get(range.parameter)).collect()];
+        if let Some(fit) = fit::polish(&without.rig, &without.ranges, &starts, case.train, case.noise) {
+            without.rig = fit.applied(&without.rig, &without.ranges);
+            without.polished = fit;
+        }
+        without.look(case);
+        let price = |parameters: usize| parameters as f64 * f64::from(self.polished.misfit.count).ln();
+        let mine = self.polished.misfit.chi_square / self.inflation + price(effect.parameters.len());
+        let mut class = vec![effect];
+        class.extend(
+            without
+                .fit_promising(case)
+                .iter()
+                .filter(|other| other.effect.name != effect.name)
+                .filter(|other| {
+                    let theirs =
+                        other.fit.misfit.chi_square / self.inflation + price(other.effect.parameters.len());
+                    theirs - mine < CLASS_EVIDENCE
+                })
+                .map(|other| other.effect),
+        );
+        class
     }
 
     /// Does an effect change a prediction by more than the model's own error, or bias a fault beyond its error?
-    fn matters(&self, case: &Case<'_>, rig: &Rig, candidate: &Candidate) -> bool {
+    fn matters(&self, case: &Case<'_>, candidate: &Candidate) -> bool {
         let records = if case.holdout.is_empty() { case.train } else { case.holdout };
-        let (without, with) = (fit::predict(rig, records), fit::predict(&candidate.rig, records));
+        let (without, with) = (fit::predict(&self.rig, records), fit::predict(&candidate.rig, records));
         let mut sums = [0.0; MEASURED];
         let mut count = 0_usize;
         for (a, b) in without.iter().flatten().zip(with.iter().flatten()) {
@@ -280,16 +374,11 @@ impl State {
         changes || biases
     }
 
-    fn conclude(mut self, case: &Case<'_>, rig: Rig, before: Fit, score_before: [Score; 2]) -> Diagnosis {
-        let predictions = fit::predict(&rig, case.train);
-        let residuals: [Option<ChannelResidual>; MEASURED] = std::array::from_fn(|channel| {
-            residual::test(&residual::series(case.train, &predictions, channel))
-        });
-        let noise_only = residuals.iter().enumerate().all(|(channel, residual)| {
-            residual
-                .is_none_or(|residual| residual.is_noise(channel, case.known_noise[channel], RESIDUAL_LIMIT))
-        });
-        let verdict = match (noise_only, self.found.is_empty()) {
+    fn conclude(self, case: &Case<'_>, before: Fit, score_before: [Score; 2]) -> Diagnosis {
+        let predictions = fit::predict(&self.rig, case.train);
+        let residuals = residuals(case.train, &predictions);
+        let noise_only = self.leaves_noise(case);
+        let verdict = match (noise_only, self.added.is_empty()) {
             (true, true) => Verdict::Adequate,
             (true, false) => Verdict::Explained,
             (false, _) => Verdict::Unexplained,
@@ -297,28 +386,32 @@ impl State {
         // Effects that leave most of the misfit are a help for prediction, not a name for what is there.
         let excess = |misfit: &Misfit<f64>| (misfit.mean_square() - 1.0).max(0.0);
         let explains = excess(&self.polished.misfit) < 0.1 * excess(&before.misfit);
-        let inflation = if noise_only { 1.0 } else { inflation(case, &rig, &self.polished.misfit) };
+        let inflation = if noise_only { 1.0 } else { inflation(case, &self.rig, &self.polished.misfit) };
         let estimates: Vec<Estimate> = self
             .ranges
             .iter()
             .enumerate()
             .map(|(index, range)| estimate(range, &self.polished, index, inflation))
             .collect();
-        for found in &mut self.found {
-            found.named = verdict == Verdict::Explained || explains;
-            found.estimates = estimates
-                .iter()
-                .filter(|estimate| found.effect.parameters.contains(&estimate.parameter))
-                .copied()
-                .collect();
-        }
-        let faults = (0..case.rig.faults.len())
-            .map(|index| Fault {
-                estimate: estimates[index],
-                confounded_with: self.confounded_with(index, &rig),
+        let found: Vec<Found> = self
+            .added
+            .iter()
+            .map(|&(effect, evidence)| Found {
+                effect,
+                class: self.class_of(case, effect),
+                evidence,
+                named: verdict == Verdict::Explained || explains,
+                estimates: estimates
+                    .iter()
+                    .filter(|estimate| effect.parameters.contains(&estimate.parameter))
+                    .copied()
+                    .collect(),
             })
             .collect();
-        let score_after = [score(case, &rig, case.train), score(case, &rig, case.holdout)];
+        let faults = (0..case.rig.faults.len())
+            .map(|index| Fault { estimate: estimates[index], confounded_with: self.confounded_with(index) })
+            .collect();
+        let score_after = [score(case, &self.rig, case.train), score(case, &self.rig, case.holdout)];
         let left = (verdict == Verdict::Unexplained).then(|| {
             let series = residual::series(case.train, &predictions, 0);
             residual::describe(&case.train[0], &predictions[0], &series[0])
@@ -327,11 +420,11 @@ impl State {
             verdict,
             before,
             faults,
-            found: self.found,
+            found,
             noise: case.noise,
             train: [score_before[0], score_after[0]],
             holdout: (!case.holdout.is_empty()).then_some([score_before[1], score_after[1]]),
-            rig,
+            rig: self.rig,
             predictions,
             residuals,
             left,
@@ -340,11 +433,10 @@ impl State {
     }
 
     /// Effects, not in the model, whose presence would leave a fault undetermined.
-    fn confounded_with(&self, fault: usize, rig: &Rig) -> Vec<&'static EffectInfo> {
+    fn confounded_with(&self, fault: usize) -> Vec<&'static EffectInfo> {
         let alone = self.polished.standard_error(fault);
         self.prospects
             .iter()
-            .filter(|prospect| rig.effects.iter().all(|effect| effect.name != prospect.effect.name))
             .filter(|prospect| prospect.foreseen.standard_error(fault) > CONFOUNDED * alone)
             .map(|prospect| prospect.effect)
             .collect()
@@ -392,7 +484,7 @@ fn inflation(case: &Case<'_>, rig: &Rig, misfit: &Misfit<f64>) -> f64 {
 
 fn score(case: &Case<'_>, rig: &Rig, records: &[Prepared]) -> Score {
     let predictions = fit::predict(rig, records);
-    let (mut chi_square, mut count) = (0.0, 0_usize);
+    let mut chi_square = 0.0;
     let mut position_rms = f64::NAN;
     for channel in (0..MEASURED).filter(|&channel| case.noise[channel].is_finite()) {
         let values: Vec<f64> = residual::series(records, &predictions, channel)
@@ -405,13 +497,18 @@ fn score(case: &Case<'_>, rig: &Rig, records: &[Prepared]) -> Score {
             position_rms = (sum / values.len().max(1) as f64).sqrt();
         }
         chi_square += sum / (case.noise[channel] * case.noise[channel]);
-        count += values.len();
     }
-    Score { position_rms, mean_square: chi_square / count.max(1) as f64 }
+    Score { position_rms, chi_square }
 }
 
-/// Does a model predict the held-out records better than another? Where there are none, there is nothing to refuse it.
-fn validates(case: &Case<'_>, without: &Rig, with: &Rig) -> bool {
-    case.holdout.is_empty()
-        || score(case, with, case.holdout).mean_square < score(case, without, case.holdout).mean_square
+/// Residual of each measured channel.
+fn residuals(records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> [Option<ChannelResidual>; MEASURED] {
+    std::array::from_fn(|channel| residual::test(&residual::series(records, predictions, channel)))
+}
+
+/// Is the residual of every channel just noise?
+fn is_noise(case: &Case<'_>, residuals: &[Option<ChannelResidual>; MEASURED]) -> bool {
+    residuals.iter().enumerate().all(|(channel, residual)| {
+        residual.is_none_or(|residual| residual.is_noise(channel, case.known_noise[channel], RESIDUAL_LIMIT))
+    })
 }

@@ -11,13 +11,16 @@ use eha_monitor::model::state::{BASE_ORDER, FULL_ORDER, Outputs};
 /// Longest step of the midpoint rule in a fit, s: its error is then below 0.3 um on every command.
 const FIT_STEP: f64 = 5e-5;
 
+/// Longest step of the midpoint rule where only a tendency is wanted, s.
+pub const LOOK_STEP: f64 = 1.25e-4;
+
 /// Modes whose transition matrices are kept.
 const SLOTS: usize = 32;
 
 /// Exact steps of the base model.
 pub type Base = Exact<f64, BASE_ORDER, SLOTS>;
 /// Exact steps of a model with every state.
-pub type Full = Exact<f64, FULL_ORDER, SLOTS>;
+pub type Full = Exact<f64, FULL_ORDER, { SLOTS / 2 }>;
 
 /// Fixed steps of a model that is not piecewise affine.
 pub type Fixed = Midpoint<f64>;
@@ -65,10 +68,15 @@ pub trait Job {
 
 /// Does a job with the integrator that the problem needs.
 pub fn dispatch<J: Job>(problem: &Problem<'_, f64>, job: J) -> J::Output {
+    dispatch_with_step(problem, FIT_STEP, job)
+}
+
+/// The same with another longest step, s, where the midpoint rule is needed.
+pub fn dispatch_with_step<J: Job>(problem: &Problem<'_, f64>, step: f64, job: J) -> J::Output {
     match Engine::of(problem) {
         Engine::Base => job.run(problem, &mut steppers(Base::new())),
         Engine::Full => job.run(problem, &mut steppers(Full::new())),
-        Engine::Midpoint => job.run(problem, &mut steppers(Fixed::new(FIT_STEP))),
+        Engine::Midpoint => job.run(problem, &mut steppers(Fixed::new(step))),
     }
 }
 

@@ -1,6 +1,6 @@
 //! A fit from given starts, without a global search: for a model that differs little from one that is fitted.
 
-use super::engine::{Job, dispatch};
+use super::engine::{Job, LOOK_STEP, dispatch, dispatch_with_step};
 use super::{MAX_FREE, Prepared};
 use crate::rig::{Range, Rig};
 use eha_monitor::fit::gauss_newton::{Normal, Settings, finish, normal_equations};
@@ -64,7 +64,7 @@ pub fn foresee(
     let core_records: Vec<_> = records.iter().map(Prepared::as_core).collect();
     let problem =
         Problem { form: rig.form, parameters: rig.parameters, free: &free, records: &core_records, noise };
-    dispatch(&problem, Foresee { starts })
+    dispatch_with_step(&problem, LOOK_STEP, Foresee { starts })
 }
 
 fn free(ranges: &[Range]) -> Vec<Free<f64>> {

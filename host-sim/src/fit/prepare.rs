@@ -12,6 +12,8 @@ const MEASURED: usize = Channel::MEASURED.len();
 const START_SAMPLES: usize = 5;
 /// Time after which a closed loop has forgotten a start that was only measured, s.
 const SETTLE_S: f64 = 0.1;
+/// Time at the start of a record from which an offset of the command is taken, s.
+const OFFSET_S: f64 = 0.5;
 /// Half width, in samples, of the line that gives position and velocity at a restart.
 const RESTART_REACH: usize = 12;
 
@@ -65,11 +67,13 @@ impl Prepared {
 
 /// Makes a record ready for a rig, given the noise of its user position, m.
 ///
+/// Where the rig says that commands carry an offset, it is removed.
+///
 /// A closed loop starts at rest where the command is, if the first samples agree with that; else where they are, and
 /// the first 0.1 s is not compared. An open loop starts anew from the measured position and velocity at each restart.
 pub fn prepare(rig: &Rig, record: &Record, position_noise: f64) -> Prepared {
     let values = |channel: Channel| record.channel(channel).map(<[f64]>::to_vec);
-    let command = values(Channel::Command).unwrap_or_default();
+    let mut command = values(Channel::Command).unwrap_or_default();
     let position = values(Channel::UserPosition).unwrap_or_default();
     let load = values(Channel::Load);
     let drive = values(Channel::Drive).filter(|_| rig.form.drive == Drive::Force);
@@ -80,6 +84,18 @@ pub fn prepare(rig: &Rig, record: &Record, position_noise: f64) -> Prepared {
         (None, None) => Vec::new(),
     };
     let sample_period = record.sample_period_s();
+    if rig.command_offset {
+        let window = (OFFSET_S / sample_period) as usize;
+        let differences: Vec<f64> = position
+            .iter()
+            .zip(&command)
+            .take(window)
+            .map(|(x, com)| x - com)
+            .filter(|d| d.is_finite())
+            .collect();
+        let offset = differences.iter().sum::<f64>() / differences.len().max(1) as f64;
+        command.iter_mut().for_each(|value| *value += offset);
+    }
     let restart = rig.restart_s.map(|seconds| ((seconds / sample_period).round() as usize).max(2));
     let (starts, stretch, settle) = if let Some(stretch) = restart {
         let starts = (0..command.len()).step_by(stretch).map(|at| moving_start(&position, at, sample_period));

@@ -48,6 +48,7 @@ fn eha() -> Rig {
         faults: vec![range(Parameter::Backlash, 0.0, 1.5e-3), range(Parameter::DryFriction, 200.0, 4000.0)],
         free: Vec::new(),
         effects: Vec::new(),
+        command_offset: false,
         restart_s: None,
     }
 }
@@ -80,6 +81,7 @@ fn servo_hydraulic() -> Rig {
             range(Parameter::CurrentOffset, -2.0, 2.0),
         ],
         effects: Vec::new(),
+        command_offset: true,
         restart_s: None,
     }
 }
@@ -106,6 +108,7 @@ fn force_axis() -> Rig {
             range(Parameter::ConstantLoad, -200.0, 200.0),
         ],
         effects: Vec::new(),
+        command_offset: false,
         restart_s: Some(1.0),
     }
 }

@@ -35,6 +35,7 @@ struct ModelTable {
     feedback: Option<FeedbackName>,
     drive: Option<DriveName>,
     restart_s: Option<f64>,
+    command_offset: Option<bool>,
 }
 
 #[derive(Debug, Deserialize, Serialize)]
@@ -115,6 +116,7 @@ fn parse(text: &str) -> Result<Rig, Failure> {
         feedback: model.feedback.map_or(rig.form.feedback, Into::into),
         drive: model.drive.map_or(rig.form.drive, Into::into),
     };
+    rig.command_offset = model.command_offset.unwrap_or(rig.command_offset);
     if let Some(restart) = model.restart_s {
         if restart.is_nan() || restart < 0.0 {
             return Err(Failure::usage(format!("restart-s = {restart}: expected seconds, 0 for never")));
@@ -191,6 +193,7 @@ pub fn write(rig: &Rig, comments: &[String]) -> String {
     let _ =
         writeln!(text, "feedback = {}", kebab(toml::Value::try_from(FeedbackName::from(rig.form.feedback))));
     let _ = writeln!(text, "drive = {}", kebab(toml::Value::try_from(DriveName::from(rig.form.drive))));
+    let _ = writeln!(text, "command-offset = {}", rig.command_offset);
     if let Some(restart) = rig.restart_s {
         let _ = writeln!(text, "restart-s = {restart:?}");
     }

@@ -57,6 +57,9 @@ pub struct Rig {
     pub free: Vec<Range>,
     /// Effects that were added to the model.
     pub effects: Vec<&'static EffectInfo>,
+    /// The command of each record carries an unknown constant offset against the position: it is taken from the first
+    /// half second and removed. False where such an offset would be a finding.
+    pub command_offset: bool,
     /// Open loop: the model starts anew from the measured state every so many seconds.
     pub restart_s: Option<f64>,
 }
@@ -112,12 +115,16 @@ pub fn channel_named(column: &str) -> Result<Channel, Failure> {
 
 /// Says that a name is not known, and which known one is nearest.
 pub fn unknown<'a>(kind: &str, name: &str, known: impl Iterator<Item = &'a str>) -> String {
+    // Case decides between names that are equally near without it.
+    let likeness = |known: &str| {
+        (strsim::jaro_winkler(&name.to_lowercase(), &known.to_lowercase()), strsim::jaro_winkler(name, known))
+    };
     let nearest = known
         .filter(|known| !known.is_empty())
-        .map(|known| (strsim::jaro_winkler(&name.to_lowercase(), &known.to_lowercase()), known))
-        .max_by(|a, b| a.0.total_cmp(&b.0));
+        .map(|known| (likeness(known), known))
+        .max_by(|(a, _), (b, _)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     match nearest {
-        Some((likeness, known)) if likeness > 0.7 => {
+        Some(((likeness, _), known)) if likeness > 0.7 => {
             format!("unknown {kind} `{name}`; did you mean `{known}`?")
         }
         _ => format!("unknown {kind} `{name}`"),

@@ -1,17 +1,96 @@
 //! `demo`: the main job on an embedded example.
+//!
+//! An HF actuator with a backlash and a raised friction flies two commands. Its spool meters by the square root of the
+//! pressure drop, which nobody declared and the monitor's linear model lacks. The monitor identifies the faults,
+//! `diagnose` names what is missing, and a third record that was not fitted shows the error before and after.
 
+use super::DEFAULT_RIG;
+use super::diagnose::Job;
 use crate::cli::Common;
 use crate::failure::Failure;
+use crate::output;
+use crate::plant::{self, Excitation, Sensing};
+use crate::record::{Record, save_csv};
+use crate::rig::Rig;
+use eha_monitor::channel::Channel;
+use eha_monitor::command::{Command, CommandInfo};
+use eha_monitor::parameter::Parameter;
+
+/// What the example's actuator has, and the monitor does not know.
+const TRUTH: [(Parameter, f64); 3] =
+    [(Parameter::Backlash, 2e-4), (Parameter::DryFriction, 800.0), (Parameter::MeteringBlend, 1.0)];
+/// Noise of its sensors.
+const NOISE: [(Channel, f64); 2] = [(Channel::UserPosition, 5e-6), (Channel::Current, 0.02)];
+/// Records: label, command, role.
+const FLIGHTS: [(&str, &str); 3] = [("chirp", "fitted"), ("mixed", "fitted"), ("mixed-step", "held out")];
+/// Samples of a record: 1 s at 1 kHz.
+const SAMPLES: usize = 1001;
+/// Longest step of the HF model, s.
+const PLANT_STEP: f64 = 2e-6;
 
 /// Options of `demo`.
-#[derive(Clone, Debug, clap::Args)]
+#[derive(Clone, Copy, Debug, clap::Args)]
 pub struct Options {}
 
 /// Runs the verb.
 ///
 /// # Errors
-/// Stdout cannot be written.
+/// A file cannot be written.
 pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
-    let _ = common;
-    Ok(())
+    let rig = Rig::load(DEFAULT_RIG)?;
+    let mut records = FLIGHTS
+        .iter()
+        .enumerate()
+        .map(|(index, (command, _))| fly(&rig, command, common.seed + index as u64))
+        .collect::<Result<Vec<_>, _>>()?;
+    if let Some(directory) = &common.out {
+        std::fs::create_dir_all(directory).map_err(Failure::other)?;
+        for record in &records {
+            let path = directory.join(format!("{}.csv", record.name()));
+            let comment = format!("host-sim {} demo, seed {}", env!("CARGO_PKG_VERSION"), common.seed);
+            save_csv(record, &[comment], &path).map_err(Failure::other)?;
+            output::log(common, &format!("wrote {}", path.display()));
+        }
+    }
+    let holdout = records.split_off(2);
+    let names = FLIGHTS.iter().map(|(command, role)| format!("{command} ({role})")).collect();
+    let job = Job { common, rig, train: records, holdout, names };
+    let (diagnosis, result) = job.run()?;
+    job.save(&diagnosis, &result, None)?;
+    if common.json {
+        return output::print_json(&result);
+    }
+    let truth: Vec<String> = TRUTH
+        .iter()
+        .map(|(parameter, value)| {
+            format!("{} = {}", parameter.info().name, output::quantity(*value, parameter.info().unit))
+        })
+        .collect();
+    output::print(&format!("the actuator of the example (unknown to the monitor): {}\n", truth.join(", ")))?;
+    output::print(job.text(&diagnosis, &result).trim_end())
+}
+
+fn fly(rig: &Rig, name: &str, seed: u64) -> Result<Record, Failure> {
+    let mut parameters = rig.parameters;
+    for (parameter, value) in TRUTH {
+        parameters.set(parameter, value);
+    }
+    let info = CommandInfo::named(name).ok_or_else(|| Failure::other(format!("no command {name}")))?;
+    let command = Command::<f64>::new(info);
+    let excitation = Excitation {
+        sample_period: 1e-3,
+        command: (0..SAMPLES).map(|sample| command.at(sample as f64 * 1e-3)).collect(),
+        load: Vec::new(),
+        drive: Vec::new(),
+    };
+    let outputs = plant::run(rig.form, &parameters, &excitation, PLANT_STEP);
+    let sensing = Sensing { noise: NOISE.to_vec(), ..Sensing::default() };
+    let record = plant::record(name, rig.form, &excitation, &outputs, &sensing, seed)?;
+    // What a flight has: user position and current.
+    let channels = record
+        .channels()
+        .filter(|(channel, _)| !matches!(channel, Channel::RamPosition | Channel::Pressure))
+        .map(|(channel, values)| (channel, values.to_vec()))
+        .collect();
+    Ok(Record::new(name, excitation.sample_period, 0.0, channels)?)
 }

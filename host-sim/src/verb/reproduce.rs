@@ -1,5 +1,10 @@
-//! `reproduce`: the source's twelve cases, its result beside ours, and its findings about the search checked.
+//! `reproduce`: the source's twelve cases, its result beside ours, before and after the loop is closed, and its
+//! findings about the search checked.
+//!
+//! To close the loop, `diagnose` sees two records of the *healthy* actuator and predicts a third. What it adds to the
+//! monitor's model is then used for all twelve cases.
 
+use super::diagnose::Job;
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::fit::{self, Fit, FitSettings};
@@ -13,7 +18,8 @@ use eha_monitor::command::{Command, CommandInfo};
 use eha_monitor::fit::problem::{Free, Problem};
 use eha_monitor::ga::{Settings as SearchSettings, SteadyState};
 use eha_monitor::integrate::exact::Exact;
-use eha_monitor::model::state::BASE_ORDER;
+use eha_monitor::model::Form;
+use eha_monitor::model::state::{BASE_ORDER, Outputs};
 use eha_monitor::parameter::Parameter;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -47,20 +53,25 @@ pub struct Options {
 /// Stdout cannot be written.
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let started = Instant::now();
+    let monitor: Rig = (BUILT_IN[0].make)();
+    let augmented = if options.lf_data { None } else { Some(closed_loop(common)?) };
     let bar = output::bar(common, CASES.len() as u64, "reproducing");
-    let results: Vec<(Case, Fit)> = CASES
+    let results: Vec<Outcome> = CASES
         .par_iter()
         .map(|case| {
             let record = record(case.command, case.bkl, case.fdj, !options.lf_data)?;
-            let fit = identify(common.seed, case, &record);
+            let before = identify(common.seed, case, &record, &monitor);
+            let after = augmented.as_ref().map(|rig| identify(common.seed, case, &record, rig));
             bar.inc(1);
-            Ok((*case, fit))
+            Ok(Outcome { case: *case, before, after })
         })
         .collect::<Result<_, Failure>>()?;
     bar.finish_and_clear();
     let findings = if options.cases_only { Vec::new() } else { findings(common.seed)? };
     let seconds = started.elapsed().as_secs_f64();
-    let cases: Vec<Value> = results.iter().map(|(case, fit)| case_json(case, fit)).collect();
+    let cases: Vec<Value> = results.iter().map(Outcome::json).collect();
+    let effects: Vec<&str> =
+        augmented.iter().flat_map(|rig| &rig.effects).map(|effect| effect.name).collect();
     let findings_json: Vec<Value> = findings
         .iter()
         .map(|finding| {
@@ -69,7 +80,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         })
         .collect();
     let result = json!({
-        "schema": SCHEMA, "cases": cases, "findings": findings_json, "seconds": seconds, "seed": common.seed,
+        "schema": SCHEMA, "cases": cases, "added_effects": effects, "findings": findings_json, "seconds": seconds, "seed": common.seed,
         "config": { "version": env!("CARGO_PKG_VERSION"), "data": if options.lf_data { "lf" } else { "hf" },
                     "samples": SAMPLES, "plant_step_s": PLANT_STEP, "channels": ["lvdt_m", "current_mA"] },
     });
@@ -79,6 +90,10 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     }
     if common.json {
         return output::print_json(&result);
+    }
+    if let Some(rig) = &augmented {
+        let names: Vec<&str> = rig.effects.iter().map(|effect| effect.name).collect();
+        output::print(&format!("after: with what two healthy records reveal: {}", names.join(", ")))?;
     }
     print_cases(&results)?;
     if !findings.is_empty() {
@@ -92,6 +107,17 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
 
 /// Noise-free record of the source's actuator.
 fn record(command: &str, bkl: f64, fdj: f64, high_fidelity: bool) -> Result<Record, Failure> {
+    let (excitation, outputs, form) = fly(command, bkl, fdj, high_fidelity)?;
+    plant::record(command, form, &excitation, &outputs, &Sensing::default(), 0)
+}
+
+/// Flies the source's actuator.
+fn fly(
+    command: &str,
+    bkl: f64,
+    fdj: f64,
+    high_fidelity: bool,
+) -> Result<(Excitation, Vec<Outputs<f64>>, Form), Failure> {
     let mut rig = (BUILT_IN[0].make)();
     rig.parameters.bkl = bkl;
     rig.parameters.fdj = fdj;
@@ -105,14 +131,13 @@ fn record(command: &str, bkl: f64, fdj: f64, high_fidelity: bool) -> Result<Reco
         drive: Vec::new(),
     };
     let outputs = plant::run(rig.form, &rig.parameters, &excitation, PLANT_STEP);
-    plant::record(info.name, rig.form, &excitation, &outputs, &Sensing::default(), 0)
+    Ok((excitation, outputs, rig.form))
 }
 
-fn identify(seed: u64, case: &Case, record: &Record) -> Fit {
-    let rig: Rig = (BUILT_IN[0].make)();
-    let prepared = [fit::prepare(&rig, record, NOISE[0])];
+fn identify(seed: u64, case: &Case, record: &Record, rig: &Rig) -> Fit {
+    let prepared = [fit::prepare(rig, record, NOISE[0])];
     let settings = FitSettings { seed, population: case.population, ..FitSettings::default() };
-    fit::fit(&rig, &case.ranges(), &prepared, NOISE, &settings, |_| {})
+    fit::fit(rig, &case.ranges(), &prepared, NOISE, &settings, |_| {})
 }
 
 fn faults(fit: &Fit) -> (f64, f64) {
@@ -120,46 +145,86 @@ fn faults(fit: &Fit) -> (f64, f64) {
     (value(Parameter::Backlash), value(Parameter::DryFriction))
 }
 
-fn case_json(case: &Case, fit: &Fit) -> Value {
-    let (bkl, fdj) = faults(fit);
-    json!({
-        "case": case.number,
-        "command": case.command,
-        "input": { "bkl": case.bkl, "fdj": case.fdj },
-        "source": {
-            "bkl": case.source_bkl, "fdj": case.source_fdj,
-            "mean_error_percent": case.mean_error_percent(case.source_bkl, case.source_fdj),
-        },
-        "before": {
-            "bkl": bkl, "fdj": fdj, "mean_error_percent": case.mean_error_percent(bkl, fdj),
-            "residual_rms_m": fit.position_rms(), "seconds": fit.seconds, "evaluations": fit.evaluations,
-            "generations": fit.generations, "seconds_per_generation": fit.seconds_per_generation,
-        },
-        "after": Value::Null,
-    })
+/// What became of a case.
+struct Outcome {
+    case: Case,
+    before: Fit,
+    after: Option<Fit>,
 }
 
-fn print_cases(results: &[(Case, Fit)]) -> Result<(), Failure> {
+impl Outcome {
+    fn error(&self, fit: &Fit) -> f64 {
+        let (bkl, fdj) = faults(fit);
+        self.case.mean_error_percent(bkl, fdj)
+    }
+
+    fn json(&self) -> Value {
+        let case = &self.case;
+        let ours = |fit: &Fit| {
+            let (bkl, fdj) = faults(fit);
+            json!({
+                "bkl": bkl, "fdj": fdj, "mean_error_percent": self.error(fit),
+                "residual_rms_m": fit.position_rms(), "seconds": fit.seconds, "evaluations": fit.evaluations,
+                "generations": fit.generations, "seconds_per_generation": fit.seconds_per_generation,
+            })
+        };
+        json!({
+            "case": case.number,
+            "command": case.command,
+            "input": { "bkl": case.bkl, "fdj": case.fdj },
+            "source": {
+                "bkl": case.source_bkl, "fdj": case.source_fdj,
+                "mean_error_percent": case.mean_error_percent(case.source_bkl, case.source_fdj),
+            },
+            "before": ours(&self.before),
+            "after": self.after.as_ref().map(ours),
+        })
+    }
+}
+
+/// The monitor's rig with what two healthy HF records reveal, validated on a third.
+fn closed_loop(common: &Common) -> Result<Rig, Failure> {
+    let healthy = |command: &str, seed: u64| {
+        let (excitation, outputs, form) = fly(command, 0.0, Parameter::DryFriction.info().default, true)?;
+        let sensing = Sensing {
+            noise: vec![(Channel::UserPosition, NOISE[0]), (Channel::Current, NOISE[2])],
+            ..Sensing::default()
+        };
+        plant::record(command, form, &excitation, &outputs, &sensing, seed)
+    };
+    let job = Job {
+        common,
+        rig: (BUILT_IN[0].make)(),
+        train: vec![healthy("chirp", common.seed)?, healthy("mixed", common.seed + 1)?],
+        holdout: vec![healthy("mixed-step", common.seed + 2)?],
+        names: Vec::new(),
+    };
+    Ok(job.run()?.0.rig)
+}
+
+fn print_cases(results: &[Outcome]) -> Result<(), Failure> {
     let mut table = output::table([
         "case",
         "command",
         "BKL mm",
         "FDJ N",
         "source BKL",
-        "source FDJ",
+        "FDJ",
         "error %",
-        "our BKL",
-        "our FDJ",
+        "before BKL",
+        "FDJ",
         "error %",
-        "residual um",
+        "after BKL",
+        "FDJ",
+        "error %",
         "evals",
         "gens",
         "ms/gen",
         "s",
     ]);
-    for (case, fit) in results {
-        let (bkl, fdj) = faults(fit);
-        table.add_row([
+    for outcome in results {
+        let case = &outcome.case;
+        let mut row = vec![
             case.number.to_string(),
             case.command.to_owned(),
             format!("{:.3}", case.bkl * 1e3),
@@ -167,15 +232,24 @@ fn print_cases(results: &[(Case, Fit)]) -> Result<(), Failure> {
             format!("{:.4}", case.source_bkl * 1e3),
             format!("{:.1}", case.source_fdj),
             format!("{:.2}", case.mean_error_percent(case.source_bkl, case.source_fdj)),
-            format!("{:.4}", bkl * 1e3),
-            format!("{fdj:.1}"),
-            format!("{:.3}", case.mean_error_percent(bkl, fdj)),
-            format!("{:.3}", fit.position_rms() * 1e6),
-            fit.evaluations.to_string(),
-            fit.generations.to_string(),
-            format!("{:.2}", fit.seconds_per_generation * 1e3),
-            format!("{:.3}", fit.seconds),
+        ];
+        for fit in [Some(&outcome.before), outcome.after.as_ref()] {
+            row.extend(fit.map_or_else(
+                || ["-", "-", "-"].map(str::to_owned),
+                |fit| {
+                    let (bkl, fdj) = faults(fit);
+                    [format!("{:.4}", bkl * 1e3), format!("{fdj:.1}"), format!("{:.3}", outcome.error(fit))]
+                },
+            ));
+        }
+        let last = outcome.after.as_ref().unwrap_or(&outcome.before);
+        row.extend([
+            last.evaluations.to_string(),
+            last.generations.to_string(),
+            format!("{:.2}", last.seconds_per_generation * 1e3),
+            format!("{:.3}", last.seconds),
         ]);
+        table.add_row(row);
     }
     output::print(&table.to_string())
 }

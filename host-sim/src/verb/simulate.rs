@@ -278,6 +278,14 @@ fn excitation(options: &Options, drive: Drive) -> Result<Excitation, Failure> {
         let period = excitation.sample_period;
         excitation.load = load(text, excitation.command.len(), period)?;
     }
+    for (channel, series) in [(Channel::Command, &excitation.command), (Channel::Load, &excitation.load)] {
+        if !series.iter().all(|value| value.is_finite()) {
+            return Err(Failure::usage(format!(
+                "these options make a {} that is not finite",
+                channel.info().column
+            )));
+        }
+    }
     Ok(excitation)
 }
 

@@ -1,0 +1,13 @@
+//! The program as its users meet it: the real binary, its files, its streams and its exit codes.
+
+mod cli {
+    mod bad_records;
+    mod harness;
+    mod identify;
+    mod json;
+    mod measured;
+    mod reproduce;
+    mod simulate;
+    mod streams;
+    mod usage;
+}

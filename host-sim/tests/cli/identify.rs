@@ -1,0 +1,186 @@
+//! Faults out of records.
+
+use super::harness::{BKL, Bench, FDJ, NO_CONVERGENCE, keys, named, number, timeless};
+use serde_json::Value;
+
+/// Members of the result that the design fixes.
+const FIXED: [&str; 9] = [
+    "config",
+    "evaluations",
+    "faults",
+    "generations",
+    "residual_rms_m",
+    "schema",
+    "seconds",
+    "seconds_per_generation",
+    "seed",
+];
+/// Members beyond those.
+const ADDED: [&str; 4] = ["correlation", "mean_square", "stop", "warnings"];
+
+fn sorted<'a>(lists: &[&[&'a str]]) -> Vec<&'a str> {
+    let mut all = lists.concat();
+    all.sort_unstable();
+    all
+}
+
+/// Deviation of an estimate from the truth in standard errors, which are a quarter of the interval at 95 %.
+fn deviation(result: &Value, name: &str, truth: f64) -> f64 {
+    let fault = named(&result["faults"], name);
+    let [low, high] = [number(&fault["ci95"][0]), number(&fault["ci95"][1])];
+    (number(&fault["value"]) - truth) / ((high - low) / (2.0 * 1.96))
+}
+
+fn assert_finds_the_faults(result: &Value) {
+    for (name, truth) in [("bkl", BKL), ("fdj", FDJ)] {
+        let off = deviation(result, name, truth);
+        assert!(off.abs() < 4.0, "{name} is {off} standard errors off: {result}");
+    }
+}
+
+#[test]
+fn finds_the_faults_of_a_noisy_record() {
+    let bench = Bench::new();
+    for command in ["mixed", "chirp"] {
+        for seed in ["1", "2", "3"] {
+            let noise = "lvdt_m=5e-6,current_mA=0.02";
+            let sensors = ["--noise", noise, "--quantum", "lvdt_m=1e-6", "--channels", "lvdt_m,current_mA"];
+            let options = ["--model", "lf", "--command", command, "--seed", seed];
+            bench.simulate("record.csv", &[&options[..], &sensors].concat());
+            let result = bench.run(&["identify", "record.csv", "--json", "--seed", seed]).done().json();
+            assert_finds_the_faults(&result);
+            let fdj = named(&result["faults"], "fdj");
+            assert!((number(&fdj["value"]) / FDJ - 1.0).abs() < 0.02, "{fdj}");
+            assert!((number(&result["residual_rms_m"]) / 5e-6 - 1.0).abs() < 0.1, "{result}");
+        }
+    }
+}
+
+#[test]
+fn the_json_has_the_fixed_members() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    let result = bench.run(&["identify", "record.csv", "--json", "--seed", "5"]).done().json();
+    assert_eq!(keys(&result), sorted(&[&FIXED, &ADDED]));
+    assert_eq!((&result["schema"], &result["seed"]), (&1.into(), &5.into()));
+    let faults = result["faults"].as_array().expect("a list");
+    let names: Vec<&Value> = faults.iter().map(|fault| &fault["name"]).collect();
+    assert_eq!(names, ["bkl", "fdj"]);
+    for (fault, unit) in faults.iter().zip(["m", "N"]) {
+        assert_eq!(keys(fault), sorted(&[&["name", "value", "ci95", "unit"], &["standard_error"]]));
+        assert_eq!(fault["unit"], unit);
+        let [low, value, high] = [&fault["ci95"][0], &fault["value"], &fault["ci95"][1]].map(number);
+        assert!(low < value && value < high, "{fault}");
+    }
+    for counter in ["evaluations", "generations"] {
+        assert!(result[counter].as_u64().is_some_and(|count| count > 0), "{result}");
+    }
+    for time in ["seconds", "seconds_per_generation", "residual_rms_m"] {
+        assert!(number(&result[time]) > 0.0, "{result}");
+    }
+    let config = &result["config"];
+    assert_eq!((&config["rig"], &config["seed"]), (&"eha".into(), &5.into()));
+    assert_eq!(config["version"], env!("CARGO_PKG_VERSION"));
+    assert_eq!(number(&named(&config["free"], "bkl")["upper"]), 1.5e-3);
+}
+
+#[test]
+fn the_seed_alone_decides_the_result() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    let run = |arguments: &[&str]| {
+        timeless(bench.run(&[&["identify", "record.csv", "--json"], arguments].concat()).done().json())
+    };
+    let first = run(&[]);
+    assert_eq!(first, run(&[]));
+    assert_eq!(first, run(&["--seed", "1"]));
+    assert_eq!(first, run(&["--threads", "1"]));
+    assert_eq!(first, run(&["--threads", "2"]));
+    assert_eq!(first, run(&["--quiet"]));
+    assert_ne!(first, run(&["--seed", "2"]));
+}
+
+#[test]
+fn lost_samples_are_left_out_and_reported() {
+    let bench = Bench::new();
+    let noise = ["--noise", "lvdt_m=5e-6,current_mA=0.02", "--channels", "lvdt_m,current_mA"];
+    bench.simulate("record.csv", &[&["--model", "lf", "--dropout", "0.02"][..], &noise].concat());
+    let text = bench.read("record.csv");
+    let blank = text
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .filter(|line| line.split(',').nth(2).is_some_and(str::is_empty));
+    let blank = blank.count();
+    assert!((5..60).contains(&blank), "{blank} of 1001 samples are blank");
+    let run = bench.run(&["identify", "record.csv", "--json"]).done();
+    assert!(run.stderr.contains(&format!("{blank} missing samples of lvdt_m")), "{}", run.stderr);
+    assert_finds_the_faults(&run.json());
+}
+
+#[test]
+fn several_records_are_fitted_together() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    let alone = bench.run(&["identify", "record.csv", "--json"]).done().json();
+    let more = ["--model", "lf", "--command", "mixed", "--seed", "8", "--noise", "lvdt_m=5e-6"];
+    bench.simulate("more.csv", &[&more[..], &["--channels", "lvdt_m"]].concat());
+    let both = bench.run(&["identify", "record.csv", "more.csv", "--json"]).done().json();
+    assert_finds_the_faults(&both);
+    assert_eq!(both["config"]["records"], serde_json::json!(["record.csv", "more.csv"]));
+    let error = |result: &Value| number(&named(&result["faults"], "bkl")["standard_error"]);
+    assert!(error(&both) < error(&alone), "a second record narrows the interval");
+    let one_bad = bench.run(&["identify", "record.csv", "none.csv"]);
+    one_bad.refused(super::harness::BAD_DATA, &["none.csv"]);
+}
+
+#[test]
+fn bounds_hold_and_free_what_they_name() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    let bounds = ["--bounds", "BKL=1e-4..3e-4", "--bounds", "viscous_friction=0..500"];
+    let result = bench.run(&[&["identify", "record.csv", "--json"], &bounds[..]].concat()).done().json();
+    assert_finds_the_faults(&result);
+    let names: Vec<&str> = result["faults"]
+        .as_array()
+        .expect("a list")
+        .iter()
+        .filter_map(|fault| fault["name"].as_str())
+        .collect();
+    assert_eq!(names, ["bkl", "fdj", "viscous_friction"]);
+    let narrow = ["--bounds", "fdj=1000..2000"];
+    let result = bench.run(&[&["identify", "record.csv", "--json"], &narrow[..]].concat()).done().json();
+    assert!(number(&named(&result["faults"], "fdj")["value"]) >= 1000.0, "{result}");
+}
+
+#[test]
+fn a_search_that_runs_out_of_budget_says_so_and_shows_what_it_has() {
+    let bench = Bench::new();
+    bench.simulate("hf.csv", &[]);
+    let run = bench.run(&["identify", "hf.csv", "--json", "--budget", "20"]);
+    assert_eq!(run.code, Some(NO_CONVERGENCE), "{}", run.stderr);
+    assert!(run.stderr.contains("no convergence") && run.stderr.contains("--budget"), "{}", run.stderr);
+    assert_eq!(run.json()["stop"], "budget");
+    let run = bench.run(&[
+        "calibrate",
+        "hf.csv",
+        "--rig",
+        "eha",
+        "--bounds",
+        "fdj=0..2000",
+        "--budget",
+        "20",
+        "--out",
+        "rig",
+    ]);
+    assert_eq!(run.code, Some(NO_CONVERGENCE), "{}", run.stderr);
+    assert_eq!(bench.files(), ["hf.csv"], "no rig from a search that did not converge");
+}
+
+#[test]
+fn out_writes_what_json_prints() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    let run = bench.run(&["identify", "record.csv", "--json", "--out", "new/results"]).done();
+    let written: Value = serde_json::from_str(&bench.read("new/results/identify.json")).expect("JSON");
+    assert_eq!(written, run.json());
+}

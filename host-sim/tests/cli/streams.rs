@@ -1,0 +1,63 @@
+//! Results on stdout, log on stderr, and nothing else.
+
+use super::harness::Bench;
+use std::io::Read as _;
+use std::process::Stdio;
+
+#[test]
+fn quiet_silences_the_log_and_changes_no_result() {
+    let bench = Bench::new();
+    bench.simulate("record.csv", &["--model", "lf", "--dropout", "0.02"]);
+    let loud = bench.run(&["identify", "record.csv", "--out", "."]).done();
+    let quiet = bench.run(&["identify", "record.csv", "--out", ".", "--quiet"]).done();
+    assert!(loud.stderr.contains("missing samples"), "{}", loud.stderr);
+    assert!(!loud.stdout.contains("missing samples"), "{}", loud.stdout);
+    assert_eq!(quiet.stderr, "");
+    let table = |text: &str| text.lines().filter(|line| line.starts_with('|')).map(str::to_owned).collect();
+    let (loud, quiet): (Vec<String>, Vec<String>) = (table(&loud.stdout), table(&quiet.stdout));
+    assert_eq!(loud, quiet);
+}
+
+#[test]
+fn no_bar_is_drawn_where_there_is_no_terminal() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    let run = bench.run(&["identify", "record.csv"]).done();
+    assert_eq!(run.stderr, "");
+    assert!(!run.stdout.contains('\u{1b}'), "{}", run.stdout);
+    assert!(run.stdout.contains("seed 1") && run.stdout.contains("rig eha"), "{}", run.stdout);
+}
+
+#[test]
+fn a_record_on_stdout_is_the_record_and_nothing_else() {
+    let bench = Bench::new();
+    let arguments = ["simulate", "--model", "lf", "--step", "1e-5"];
+    let run = bench.run(&arguments).done();
+    assert_eq!(run.stderr, "");
+    bench.run(&[&arguments[..], &["-o", "record.csv"]].concat()).done();
+    assert_eq!(run.stdout, bench.read("record.csv"));
+}
+
+#[test]
+fn a_closed_pipe_ends_the_program_quietly() {
+    let bench = Bench::new();
+    // Far more than a pipe holds.
+    for arguments in [
+        &["simulate", "--model", "lf", "--duration", "3", "--step", "1e-4"][..],
+        &["simulate", "--model", "lf", "--duration", "3", "--step", "1e-4", "--json"],
+    ] {
+        let mut child = bench
+            .command(arguments)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        let mut first = [0];
+        let mut stdout = child.stdout.take().expect("a pipe");
+        stdout.read_exact(&mut first).expect("a byte");
+        drop(stdout);
+        let output = child.wait_with_output().expect("the program ends");
+        assert_eq!(String::from_utf8_lossy(&output.stderr), "", "{arguments:?}");
+        assert!(output.status.success(), "{arguments:?}: {:?}", output.status);
+    }
+}
