@@ -133,9 +133,8 @@ fn twelve_cases_are_found_from_position_and_current() {
 
 #[test]
 fn twelve_cases_are_found_from_the_position_alone() {
-    // Friction and backlash trade off in the position alone, and the search can settle beside the basin: on the chirp
-    // with 1 mm and 200 N for most seeds, else for single ones. The motor current cures it (the test above). Held here
-    // is what the search does today; more is welcome.
+    // Friction and backlash trade off in the position alone: a narrow valley, in which a search can settle beside the
+    // bottom for a single seed. The motor current cures it (the test above).
     for (name, bkl, fdj) in CASES {
         let (samples, trace) = plant(name, bkl, fdj);
         let records = [record(&samples, &trace)];
@@ -143,8 +142,7 @@ fn twelve_cases_are_found_from_the_position_alone() {
         let found = |seed| mean_error(&identify(&problem, seed).0, [bkl, fdj]) < 0.1;
         let count = (0..20).filter(|&seed| found(seed)).count();
         println!("{name:6} {bkl:6} m {fdj:5} N: {count} of 20 seeds");
-        let least = if (bkl, fdj) == (1e-3, 200.0) { 4 } else { 18 };
-        assert!(count >= least, "{name} {bkl} m {fdj} N: {count} of 20 seeds");
+        assert!(count >= 19, "{name} {bkl} m {fdj} N: {count} of 20 seeds");
     }
 }
 

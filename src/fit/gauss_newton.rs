@@ -219,30 +219,34 @@ impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
 impl<T: Real + RealField, const GENES: usize> Normal<T, GENES> {
     /// A damped step that stays in the box `[0, 1]`, and the fall of chi-square that it promises.
     fn step(&self, genes: &[T; GENES], damping: T, active: usize) -> Option<([T; GENES], T)> {
-        let mut held = [false; GENES];
-        // Genes that the step would push through a bound are held there, and the rest is solved again.
+        // A gene that the step would push through a bound goes to the bound, and the rest is solved again around it:
+        // cutting it off alone would leave the valley that strongly correlated genes lie in.
+        let mut held: [Option<T>; GENES] = [None; GENES];
         for _ in 0..=active {
             let mut matrix = self.curvature;
             let mut side = self.gradient;
             for gene in 0..GENES {
                 matrix[(gene, gene)] *= T::ONE + damping;
-                if held[gene] || matrix[(gene, gene)] <= T::ZERO {
+            }
+            for gene in 0..GENES {
+                let silent = matrix[(gene, gene)] <= T::ZERO;
+                if let Some(change) = held[gene].or(if silent { Some(T::ZERO) } else { None }) {
                     for other in 0..GENES {
+                        side[other] -= matrix[(other, gene)] * change;
                         matrix[(gene, other)] = T::ZERO;
                         matrix[(other, gene)] = T::ZERO;
                     }
                     matrix[(gene, gene)] = T::ONE;
-                    side[gene] = T::ZERO;
+                    side[gene] = change;
                 }
             }
             let change = matrix.cholesky()?.solve(&side);
             let mut again = false;
             for gene in 0..GENES {
                 let value = genes[gene] + change[gene];
-                let at_bound =
-                    (genes[gene] <= T::ZERO && value < T::ZERO) || (genes[gene] >= T::ONE && value > T::ONE);
-                if at_bound && !held[gene] {
-                    held[gene] = true;
+                let bound = if value < T::ZERO { T::ZERO } else { T::ONE };
+                if held[gene].is_none() && (value < T::ZERO || value > T::ONE) {
+                    held[gene] = Some(bound - genes[gene]);
                     again = true;
                 }
             }
