@@ -182,9 +182,9 @@ pub trait Stepper<T: Real> {
 
 /// Advances a run by one sample.
 ///
-/// `observe` is called with the ram position over ground at every turning point and at the end of the sample, in order of time:
-/// what a rate-independent operator behind the ram needs to see. Bounded: at most `2 * units` steps of the stepper
-/// and three parts for each of the 8 events that one of its finest steps may hold.
+/// `observe` is called with the ram position over ground at every turning point and at the end of the sample, in order
+/// of time: what a rate-independent operator behind the ram needs to see. Bounded: at most `2 * units` steps of the
+/// stepper and three parts for each of the 8 events that one of its finest steps may hold.
 #[inline]
 pub fn advance<T: Real, S: Stepper<T>>(
     stepper: &mut S,

@@ -10,13 +10,13 @@ use core::hint::black_box;
 use crate::Platform;
 use core::slice;
 use eha_monitor::{
-    command::{COMMANDS, Command, CommandInfo},
+    command::{Command, CommandInfo},
     fit::{
         identify::{Identification, Settings},
         problem::{Free, Problem, Record},
         walk::Walk,
     },
-    integrate::{exact::Exact, midpoint::Midpoint},
+    integrate::{Stepper, exact::Exact, midpoint::Midpoint},
     model::{Form, Model, state::BASE_ORDER},
     parameter::{Parameter, Parameters},
     trial::{Samples, SensorNoise},
@@ -27,7 +27,7 @@ const PERIOD: f32 = 1e-3;
 /// One second of samples and both of its ends.
 const SAMPLES: usize = 1001;
 /// The command: 1 cm, 0.1 to 1.5 Hz.
-const CHIRP: &CommandInfo = &COMMANDS[2];
+const COMMAND: &str = "chirp";
 /// Noise of an LVDT, m, and of a current sensor, mA.
 const NOISE: SensorNoise<f32> = SensorNoise { user: 5e-6, current: 0.02 };
 /// Backlash of the actuator, m, and its dry friction, N: four times the healthy one.
@@ -39,7 +39,7 @@ const FREE: [Free<f32>; 2] = [
 ];
 /// Members of the population, as in the source.
 const POPULATION: usize = 20;
-/// Modes whose transition matrices are kept: the plain loop visits six of them on this command.
+/// Modes whose transition matrices are kept: spool and jack, sliding or stuck, make four; the rest is for limits.
 const SLOTS: usize = 8;
 /// Step of the high-fidelity equations, s, as in the source.
 const HF_STEP: f32 = 1e-5;
@@ -67,7 +67,7 @@ impl Memory {
 /// Runs the workload and reports its results.
 pub(crate) fn run(platform: &mut impl Platform, memory: &mut Memory) {
     let Memory { samples, stepper } = memory;
-    let command = Command::new(CHIRP);
+    let Some(command) = CommandInfo::named(COMMAND).map(Command::new) else { return };
     let monitored = Parameters { bkl: FAULTS[0], fdj: FAULTS[1], ..Parameters::default() };
     let lf = Model::new(Form::default(), &monitored);
     let hf = Model::new(Form::default(), &Parameters { metering_blend: 1.0, ..monitored });
@@ -94,6 +94,7 @@ fn measure_quiet_sample(
     record: &Record<'_, f32>,
     stepper: &mut MonitorStepper,
 ) {
+    stepper.begin(record.sample_period, false, false);
     let mut walk = Walk::new(model, record);
     for _ in 0..QUIET_SAMPLE {
         walk.next(record, stepper);
