@@ -117,7 +117,6 @@ impl<T: Real, const N: usize, const SLOTS: usize> Default for Exact<T, N, SLOTS>
 }
 
 impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Exact<T, N, SLOTS> {
-    const CALM: u32 = 0;
     const TOP: usize = LEVELS - 1;
 
     fn begin(&mut self, sample_period: T, has_force: bool, rig_changed: bool) {
@@ -137,6 +136,11 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Exact<T, N, SLO
 
     fn units(&self) -> u32 {
         self.units
+    }
+
+    #[inline(always)]
+    fn calm(&self) -> u32 {
+        0
     }
 
     fn unit(&self) -> T {

@@ -9,24 +9,26 @@ use crate::model::Model;
 use crate::model::state::{Input, Mode, State};
 use crate::scalar::Real;
 
+/// Time in which what an event stirs up (flapper: 2.5 ms, jack: 62 us) dies down, s.
+const CALM: f64 = 3e-3;
+
 /// Steps by the midpoint rule: a longest one, and a quarter of it while an event and its transient pass.
 #[derive(Clone, Copy, Debug)]
 pub struct Midpoint<T> {
     longest_step: T,
     finest: T,
     units: u32,
+    calm: u32,
 }
 
 impl<T: Real> Midpoint<T> {
     /// Equal steps in every sample, as few as keep each at or below a longest step, s (at most a million).
     pub const fn new(longest_step: T) -> Self {
-        Self { longest_step, finest: longest_step, units: 4 }
+        Self { longest_step, finest: longest_step, units: 4, calm: 0 }
     }
 }
 
 impl<T: Real> Stepper<T> for Midpoint<T> {
-    /// What an event stirs up (flapper 2.5 ms, jack 62 us) has died down after 3 ms in steps of 16 us.
-    const CALM: u32 = 192;
     const TOP: usize = 1;
 
     fn begin(&mut self, sample_period: T, _: bool, _: bool) {
@@ -38,10 +40,18 @@ impl<T: Real> Stepper<T> for Midpoint<T> {
         }
         self.units = 4 * steps;
         self.finest = sample_period / T::from_count(self.units);
+        self.calm = 0;
+        while self.calm < 4_000_000 && T::from_count(self.calm) * self.finest < T::literal(CALM) {
+            self.calm += 16;
+        }
     }
 
     fn units(&self) -> u32 {
         self.units
+    }
+
+    fn calm(&self) -> u32 {
+        self.calm
     }
 
     fn unit(&self) -> T {

@@ -153,9 +153,6 @@ impl<T: Real> Guards<T> {
 
 /// A rule that takes a state over a step inside one mode.
 pub trait Stepper<T: Real> {
-    /// Finest steps without an event after which coarser ones are taken again.
-    const CALM: u32;
-
     /// Coarsest level: a step of level `l` is `4^l` finest steps long.
     const TOP: usize;
 
@@ -165,6 +162,9 @@ pub trait Stepper<T: Real> {
 
     /// Finest steps in one sample.
     fn units(&self) -> u32;
+
+    /// Finest steps without an event after which coarser ones are taken again.
+    fn calm(&self) -> u32;
 
     /// Length of a finest step, s.
     fn unit(&self) -> T;
@@ -200,7 +200,7 @@ pub fn advance<T: Real, S: Stepper<T>>(
     }
     // Straight code for the usual case, a sample in one step: in a loop the compiler would fetch all that the model
     // is made of ahead of it.
-    let mut level = if run.calm < S::CALM { 0 } else { S::TOP };
+    let mut level = if run.calm < stepper.calm() { 0 } else { S::TOP };
     if level == S::TOP && stepper.units() == 1 << (2 * S::TOP) {
         if attempt(stepper, model, run, segment, 0, S::TOP) {
             observe(run.state.ground());
@@ -265,7 +265,7 @@ fn divide<T: Real, S: Stepper<T>>(
         }
         observe(run.state.ground());
         position += 1 << (2 * level);
-        while level < S::TOP && run.calm >= S::CALM && position.is_multiple_of(4 << (2 * level)) {
+        while level < S::TOP && run.calm >= stepper.calm() && position.is_multiple_of(4 << (2 * level)) {
             level += 1;
         }
     }
