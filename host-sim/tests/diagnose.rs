@@ -1,0 +1,120 @@
+//! `diagnose` on records of the independent plant, each with something that the monitor's model does not declare.
+
+use reference_plant::{Command, Plant, Record, Tone, add_noise};
+use serde_json::Value;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process;
+
+const SAMPLES: usize = 1001;
+const POSITION_NOISE: f64 = 5e-6;
+const CURRENT_NOISE: f64 = 0.02;
+const BKL: f64 = 2e-4;
+const FDJ: f64 = 800.0;
+
+/// A linear actuator with both faults.
+fn faulty() -> Plant {
+    let mut plant = Plant::default();
+    plant.parameters.backlash = BKL;
+    plant.parameters.jack_friction = FDJ;
+    plant
+}
+
+fn save(directory: &Path, name: &str, plant: &Plant, command: &Command, seed: u64) -> PathBuf {
+    let Record { command, mut lvdt, mut current, .. } = plant.record(command, SAMPLES);
+    add_noise(&mut lvdt, POSITION_NOISE, seed);
+    add_noise(&mut current, CURRENT_NOISE, seed + 100);
+    let mut text = String::from("t_s,command_m,lvdt_m,current_mA\n");
+    for (sample, ((command, lvdt), current)) in command.iter().zip(&lvdt).zip(&current).enumerate() {
+        writeln!(text, "{},{command},{lvdt},{current}", sample as f64 / 1000.0).unwrap();
+    }
+    let path = directory.join(name);
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+/// Fits a chirp and the mixed command, holds the steps back.
+fn diagnose(plant: &Plant, seed: u64) -> Value {
+    let directory = tempfile::tempdir().unwrap();
+    let record = |name: &str, command: Command, seed| save(directory.path(), name, plant, &command, seed);
+    let output = process::Command::new(env!("CARGO_BIN_EXE_host-sim"))
+        .args(["diagnose", "--json", "--quiet"])
+        .arg(record("chirp.csv", Command::CHIRP, seed))
+        .arg(record("mixed.csv", Command::Mixed, seed + 1))
+        .arg("--holdout")
+        .arg(record("held.csv", Command::MixedStep, seed + 2))
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn fault(result: &Value, name: &str) -> (f64, f64) {
+    let faults = result["faults"].as_array().unwrap();
+    let row = faults.iter().find(|row| row["name"] == name).unwrap();
+    (row["value"].as_f64().unwrap(), row["standard_error"].as_f64().unwrap())
+}
+
+fn class(result: &Value) -> Vec<String> {
+    let effects = result["effects"].as_array().unwrap();
+    effects
+        .iter()
+        .flat_map(|effect| effect["class"].as_array().unwrap())
+        .map(|name| name.as_str().unwrap().to_owned())
+        .collect()
+}
+
+/// The named effect explains the records, the held-out one too, and the faults are right within their errors.
+fn explained_by(plant: &Plant, seed: u64, effect: &str) {
+    let result = diagnose(plant, seed);
+    assert_eq!(result["verdict"], "explained", "{effect}: {result:#}");
+    assert!(class(&result).iter().any(|name| name == effect), "{effect}: {:?}", class(&result));
+    let held = result["error"]["holdout"]["after_rms_m"].as_f64().unwrap();
+    assert!(held < 1.2 * POSITION_NOISE, "{effect}: {held} m held out");
+    for (name, truth) in [("bkl", BKL), ("fdj", FDJ)] {
+        let (value, error) = fault(&result, name);
+        assert!((value - truth).abs() < 5.0 * error, "{effect}: {name} = {value} +- {error}, not {truth}");
+    }
+}
+
+#[test]
+fn a_clean_actuator_is_adequate_and_nothing_is_claimed() {
+    for seed in [1, 11, 21] {
+        let result = diagnose(&faulty(), seed);
+        assert_eq!(result["verdict"], "adequate", "seed {seed}: {result:#}");
+        assert!(class(&result).is_empty());
+    }
+}
+
+#[test]
+fn metering_is_found_in_a_high_fidelity_actuator() {
+    let mut plant = Plant::high_fidelity();
+    plant.parameters.backlash = BKL;
+    plant.parameters.jack_friction = FDJ;
+    explained_by(&plant, 1, "turbulent-metering");
+}
+
+#[test]
+fn a_load_a_lag_and_a_hysteresis_are_named() {
+    let mut plant = faulty();
+    plant.effects.constant_load = 300.0;
+    explained_by(&plant, 1, "constant-load");
+
+    let mut plant = faulty();
+    plant.effects.sensor_lag = 5e-4;
+    explained_by(&plant, 1, "sensor-lag");
+
+    let mut plant = faulty();
+    plant.parameters.motor_hysteresis = 0.1;
+    explained_by(&plant, 1, "torque-motor-hysteresis");
+}
+
+#[test]
+fn what_is_not_in_the_catalogue_is_not_given_a_name() {
+    let mut plant = faulty();
+    plant.effects.disturbance = Tone { amplitude: 2000.0, frequency: 9.0, phase: 0.3 };
+    let result = diagnose(&plant, 1);
+    assert_eq!(result["verdict"], "unexplained", "{result:#}");
+    assert!(class(&result).is_empty(), "{:?}", class(&result));
+    assert!(result["left"]["active_s"].is_array());
+}
