@@ -3,6 +3,7 @@
 use crate::failure::Failure;
 use crate::record::Record;
 use eha_monitor::channel::Channel;
+use eha_monitor::command::{Command, CommandInfo};
 use eha_monitor::integrate::Stepper;
 use eha_monitor::integrate::midpoint::Midpoint;
 use eha_monitor::model::state::{Input, InputSegment, Outputs};
@@ -24,6 +25,23 @@ pub struct Excitation {
     pub load: Vec<f64>,
     /// Driving force in place of the valve, N; empty where the valve drives.
     pub drive: Vec<f64>,
+}
+
+impl Excitation {
+    /// A command of the table, sampled with a period in s, without load.
+    ///
+    /// # Errors
+    /// No command has that name.
+    pub fn of_command(name: &str, samples: usize, sample_period: f64) -> Result<Self, Failure> {
+        let info = CommandInfo::named(name).ok_or_else(|| Failure::other(format!("no command {name}")))?;
+        let command = Command::<f64>::new(info);
+        Ok(Self {
+            sample_period,
+            command: (0..samples).map(|sample| command.at(sample as f64 * sample_period)).collect(),
+            load: Vec::new(),
+            drive: Vec::new(),
+        })
+    }
 }
 
 /// What the sensors do to the channels.

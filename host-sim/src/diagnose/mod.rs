@@ -391,7 +391,10 @@ impl Hypothesis {
             .ranges
             .iter()
             .enumerate()
-            .map(|(index, range)| estimate(range, &self.polished, index, inflation))
+            .map(|(index, range)| {
+                let standard_error = self.polished.standard_error(index) * inflation.sqrt();
+                Estimate::new(range, self.polished.values[index], standard_error)
+            })
             .collect();
         let found: Vec<Found> = self
             .added
@@ -457,19 +460,6 @@ fn covariance(fit: &Fit) -> Vec<Vec<f64>> {
                 .collect()
         })
         .collect()
-}
-
-fn estimate(range: &Range, polished: &Polished, index: usize, inflation: f64) -> Estimate {
-    let (value, standard_error) = (polished.values[index], polished.standard_error(index) * inflation.sqrt());
-    Estimate {
-        parameter: range.parameter,
-        value,
-        standard_error,
-        ci95: [
-            (value - 1.96 * standard_error).max(range.lower),
-            (value + 1.96 * standard_error).min(range.upper),
-        ],
-    }
 }
 
 /// How much larger than white noise of the stated size what a model leaves counts: mean square times correlation time.

@@ -55,6 +55,21 @@ pub struct Estimate {
     pub ci95: [f64; 2],
 }
 
+impl Estimate {
+    /// An estimate with its interval.
+    pub fn new(range: &Range, value: f64, standard_error: f64) -> Self {
+        Self {
+            parameter: range.parameter,
+            value,
+            standard_error,
+            ci95: [
+                (value - 1.96 * standard_error).max(range.lower),
+                (value + 1.96 * standard_error).min(range.upper),
+            ],
+        }
+    }
+}
+
 /// The result of a fit.
 #[derive(Clone, Debug)]
 pub struct Fit {
@@ -219,17 +234,9 @@ fn search<S: Stepper<f64>>(
         .iter()
         .enumerate()
         .map(|(gene, free)| {
-            let value = free.value(genes[gene]);
             let standard_error = covariance(gene, gene).sqrt() * free.range();
-            Estimate {
-                parameter: free.parameter,
-                value,
-                standard_error,
-                ci95: [
-                    (value - 1.96 * standard_error).max(free.lower),
-                    (value + 1.96 * standard_error).min(free.upper),
-                ],
-            }
+            let range = Range { parameter: free.parameter, lower: free.lower, upper: free.upper };
+            Estimate::new(&range, free.value(genes[gene]), standard_error)
         })
         .collect();
     let correlation = (0..count)

@@ -94,7 +94,9 @@ pub fn prepare(rig: &Rig, record: &Record, position_noise: f64) -> Prepared {
             .filter(|d| d.is_finite())
             .collect();
         let offset = differences.iter().sum::<f64>() / differences.len().max(1) as f64;
-        command.iter_mut().for_each(|value| *value += offset);
+        for value in &mut command {
+            *value += offset;
+        }
     }
     let restart = rig.restart_s.map(|seconds| ((seconds / sample_period).round() as usize).max(2));
     let (starts, stretch, settle) = if let Some(stretch) = restart {

@@ -13,7 +13,6 @@ use crate::plant::{self, Excitation, Sensing};
 use crate::record::{Record, save_csv};
 use crate::rig::Rig;
 use eha_monitor::channel::Channel;
-use eha_monitor::command::{Command, CommandInfo};
 use eha_monitor::parameter::Parameter;
 
 /// What the example's actuator has, and the monitor does not know.
@@ -85,14 +84,7 @@ fn fly(rig: &Rig, name: &str, seed: u64) -> Result<Record, Failure> {
     for (parameter, value) in TRUTH {
         parameters.set(parameter, value);
     }
-    let info = CommandInfo::named(name).ok_or_else(|| Failure::other(format!("no command {name}")))?;
-    let command = Command::<f64>::new(info);
-    let excitation = Excitation {
-        sample_period: 1e-3,
-        command: (0..SAMPLES).map(|sample| command.at(sample as f64 * 1e-3)).collect(),
-        load: Vec::new(),
-        drive: Vec::new(),
-    };
+    let excitation = Excitation::of_command(name, SAMPLES, 1e-3)?;
     let outputs = plant::run(rig.form, &parameters, &excitation, PLANT_STEP);
     let sensing = Sensing { noise: NOISE.to_vec(), ..Sensing::default() };
     let record = plant::record(name, rig.form, &excitation, &outputs, &sensing, seed)?;

@@ -14,7 +14,6 @@ use crate::record::Record;
 use crate::rig::{BUILT_IN, Rig};
 use crate::thesis::{BKL_BOUNDS, CASES, Case};
 use eha_monitor::channel::Channel;
-use eha_monitor::command::{Command, CommandInfo};
 use eha_monitor::fit::problem::{Free, Problem};
 use eha_monitor::ga::{Settings as SearchSettings, SteadyState};
 use eha_monitor::integrate::exact::Exact;
@@ -122,14 +121,7 @@ fn fly(
     rig.parameters.bkl = bkl;
     rig.parameters.fdj = fdj;
     rig.parameters.metering_blend = if high_fidelity { 1.0 } else { 0.0 };
-    let info = CommandInfo::named(command).ok_or_else(|| Failure::other(format!("no command {command}")))?;
-    let command = Command::<f64>::new(info);
-    let excitation = Excitation {
-        sample_period: 1e-3,
-        command: (0..SAMPLES).map(|sample| command.at(sample as f64 * 1e-3)).collect(),
-        load: Vec::new(),
-        drive: Vec::new(),
-    };
+    let excitation = Excitation::of_command(command, SAMPLES, 1e-3)?;
     let outputs = plant::run(rig.form, &rig.parameters, &excitation, PLANT_STEP);
     Ok((excitation, outputs, rig.form))
 }
