@@ -87,6 +87,7 @@ fn the_monitor_keeps_its_budgets() {
         assert_eq!(log.results["lf.quiet_sample_steps"].as_f64(), 1.0, "an event in the quiet sample");
         assert!(log.measures["stack.bytes"] < STACK_BYTES, "{:?}", log.measures);
         let footprint = expect(firmware.footprint());
+        println!("{}: {:#?} {footprint:?}", machine.name(), log.measures);
         assert!(footprint.static_ram_bytes < STATIC_RAM_BYTES, "{footprint:?}");
         assert!(footprint.flash_bytes < IMAGE_BYTES, "{footprint:?}");
         // The control: the same second in the small steps of the high-fidelity equations.
