@@ -467,7 +467,7 @@ fn inflation(case: &Case<'_>, rig: &Rig, misfit: &Misfit<f64>) -> f64 {
     let predictions = fit::predict(rig, case.train);
     let time = (0..MEASURED)
         .filter(|&channel| case.noise[channel].is_finite())
-        .map(|channel| residual::correlation_time(&residual::series(case.train, &predictions, channel)))
+        .map(|channel| fit::correlation_time(&residual::series(case.train, &predictions, channel)))
         .fold(1.0, f64::max);
     misfit.mean_square().max(1.0) * time
 }

@@ -1,6 +1,6 @@
 //! What is left: is it noise, how coloured is it, where and when does it act?
 
-use crate::fit::Prepared;
+use crate::fit::{self, Prepared};
 use eha_monitor::channel::Channel;
 use eha_monitor::model::state::Outputs;
 
@@ -29,21 +29,8 @@ pub struct ChannelResidual {
 
 /// Residual series of a channel, one for each record.
 pub fn series(records: &[Prepared], predictions: &[Vec<Outputs<f64>>], channel: usize) -> Vec<Vec<f64>> {
-    records
-        .iter()
-        .zip(predictions)
-        .map(|(record, outputs)| {
-            let core = record.as_core();
-            outputs
-                .iter()
-                .enumerate()
-                .filter(|(sample, _)| core.is_compared(*sample))
-                .filter_map(|(sample, output)| {
-                    record.measured(channel).get(sample).map(|value| value - output.to_array()[channel])
-                })
-                .collect()
-        })
-        .collect()
+    let records: Vec<_> = records.iter().map(Prepared::as_core).collect();
+    fit::residual_series(&records, predictions, channel)
 }
 
 /// Tests the residual of a channel; none where no record has it.
@@ -100,33 +87,6 @@ impl ChannelResidual {
         });
         white && small
     }
-}
-
-/// Integrated autocorrelation time of a residual, in samples, at least 1.
-pub fn correlation_time(all: &[Vec<f64>]) -> f64 {
-    let count: usize = all.iter().map(Vec::len).sum();
-    let power: f64 = all.iter().flatten().filter(|value| value.is_finite()).map(|value| value * value).sum();
-    if power == 0.0 {
-        return 1.0;
-    }
-    let mut time = 1.0;
-    for lag in 1..count / 10 {
-        let mut product = 0.0;
-        for one in all {
-            product += one
-                .iter()
-                .zip(one.iter().skip(lag))
-                .map(|(a, b)| a * b)
-                .filter(|product| product.is_finite())
-                .sum::<f64>();
-        }
-        let correlation = product / power;
-        if correlation < 2.0 / (count as f64).sqrt() {
-            break;
-        }
-        time += 2.0 * correlation;
-    }
-    time
 }
 
 /// What an unexplained residual goes with.

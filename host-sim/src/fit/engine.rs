@@ -1,7 +1,8 @@
 //! Which integrator a fit needs, and the buffers for it.
 
-use super::MAX_FREE;
-use eha_monitor::fit::problem::Problem;
+use super::{MAX_FREE, Prepared};
+use crate::rig::{Range, Rig};
+use eha_monitor::fit::problem::{Free, Problem};
 use eha_monitor::fit::walk::Walk;
 use eha_monitor::integrate::Stepper;
 use eha_monitor::integrate::exact::Exact;
@@ -9,7 +10,7 @@ use eha_monitor::integrate::midpoint::Midpoint;
 use eha_monitor::model::state::{BASE_ORDER, FULL_ORDER, Outputs};
 
 /// Longest step of the midpoint rule in a fit, s: its error is then below 0.3 um on every command.
-const FIT_STEP: f64 = 5e-5;
+pub const FIT_STEP: f64 = 5e-5;
 
 /// Longest step of the midpoint rule where only a tendency is wanted, s.
 pub const LOOK_STEP: f64 = 1.25e-4;
@@ -66,17 +67,28 @@ pub trait Job {
     fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Self::Output;
 }
 
-/// Does a job with the integrator that the problem needs.
-pub fn dispatch<J: Job>(problem: &Problem<'_, f64>, job: J) -> J::Output {
-    dispatch_with_step(problem, FIT_STEP, job)
-}
-
-/// The same with another longest step, s, where the midpoint rule is needed.
-pub fn dispatch_with_step<J: Job>(problem: &Problem<'_, f64>, step: f64, job: J) -> J::Output {
-    match Engine::of(problem) {
-        Engine::Base => job.run(problem, &mut steppers(Base::new())),
-        Engine::Full => job.run(problem, &mut steppers(Full::new())),
-        Engine::Midpoint => job.run(problem, &mut steppers(Fixed::new(step))),
+/// Makes the problem of fitting ranges (at most [`MAX_FREE`]) to records, and does a job on it with the integrator that
+/// it needs; `step` is the longest one, s, where that is the midpoint rule.
+pub fn on_records<J: Job>(
+    rig: &Rig,
+    ranges: &[Range],
+    records: &[Prepared],
+    noise: [f64; 4],
+    step: f64,
+    job: J,
+) -> J::Output {
+    let free: Vec<Free<f64>> = ranges
+        .iter()
+        .take(MAX_FREE)
+        .map(|range| Free { parameter: range.parameter, lower: range.lower, upper: range.upper })
+        .collect();
+    let records: Vec<_> = records.iter().map(Prepared::as_core).collect();
+    let problem =
+        Problem { form: rig.form, parameters: rig.parameters, free: &free, records: &records, noise };
+    match Engine::of(&problem) {
+        Engine::Base => job.run(&problem, &mut steppers(Base::new())),
+        Engine::Full => job.run(&problem, &mut steppers(Full::new())),
+        Engine::Midpoint => job.run(&problem, &mut steppers(Fixed::new(step))),
     }
 }
 

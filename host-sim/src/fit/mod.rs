@@ -5,18 +5,18 @@ mod noise;
 mod polish;
 mod prepare;
 
-pub use noise::{NoiseSource, estimate};
+pub use noise::{NoiseSource, correlation_time, estimate, residual_series};
 pub use polish::{Polished, foresee, polish};
 pub use prepare::{Prepared, prepare};
 
 use crate::rig::{Range, Rig};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::identify::{self, Identification, Progress, StopReason};
-use eha_monitor::fit::problem::{Free, Misfit, Problem};
+use eha_monitor::fit::problem::{Misfit, Problem};
 use eha_monitor::integrate::Stepper;
 use eha_monitor::model::state::Outputs;
 use eha_monitor::parameter::{Parameter, Parameters};
-use engine::{Job, dispatch};
+use engine::{FIT_STEP, Job, on_records};
 use std::time::Instant;
 
 /// Most parameters that one fit may free.
@@ -137,28 +137,12 @@ pub fn fit(
     settings: &FitSettings,
     mut watch: impl FnMut(Standing),
 ) -> Fit {
-    let free: Vec<Free<f64>> = ranges
-        .iter()
-        .take(MAX_FREE)
-        .map(|range| Free { parameter: range.parameter, lower: range.lower, upper: range.upper })
-        .collect();
-    let core_records: Vec<_> = records.iter().map(Prepared::as_core).collect();
-    let problem =
-        Problem { form: rig.form, parameters: rig.parameters, free: &free, records: &core_records, noise };
-    dispatch(&problem, Search { settings, watch: &mut watch })
+    on_records(rig, ranges, records, noise, FIT_STEP, Search { settings, watch: &mut watch })
 }
 
 /// What a model with given parameters predicts for each record.
 pub fn predict(rig: &Rig, records: &[Prepared]) -> Vec<Vec<Outputs<f64>>> {
-    let core_records: Vec<_> = records.iter().map(Prepared::as_core).collect();
-    let problem = Problem {
-        form: rig.form,
-        parameters: rig.parameters,
-        free: &[],
-        records: &core_records,
-        noise: [f64::INFINITY; 4],
-    };
-    dispatch(&problem, Trace)
+    on_records(rig, &[], records, [f64::INFINITY; 4], FIT_STEP, Trace)
 }
 
 struct Trace;
@@ -224,7 +208,7 @@ fn search<S: Stepper<f64>>(
     let inflation = if stop == StopReason::NoiseReached {
         1.0
     } else {
-        misfit.mean_square().max(1.0) * noise::correlation_time(problem, &predictions)
+        misfit.mean_square().max(1.0) * correlation_time(&residual_series(problem.records, &predictions, 0))
     };
     let count = problem.free.len();
     let covariance =
@@ -254,7 +238,7 @@ fn search<S: Stepper<f64>>(
         correlation,
         parameters: problem.parameters_of(&genes),
         misfit,
-        residual_rms: noise::residual_rms(problem, &predictions),
+        residual_rms: noise::residual_rms(problem.records, &predictions),
         predictions,
         noise: problem.noise,
         evaluations: identification.evaluations(),

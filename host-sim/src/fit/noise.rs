@@ -1,9 +1,9 @@
 //! How noisy a channel is, and how white a residual.
 
-use crate::record::Record;
+use crate::record::Record as Recorded;
 use crate::rig::Rig;
 use eha_monitor::channel::Channel;
-use eha_monitor::fit::problem::Problem;
+use eha_monitor::fit::problem::Record;
 use eha_monitor::model::state::Outputs;
 
 const MEASURED: usize = Channel::MEASURED.len();
@@ -25,7 +25,7 @@ pub enum NoiseSource {
 
 /// Standard deviation of the noise of each measured channel, in its unit, and where it comes from: the rig's, else the
 /// root mean square over the records of what each shows; infinite where no record has the channel.
-pub fn estimate(rig: &Rig, records: &[Record]) -> ([f64; MEASURED], [NoiseSource; MEASURED]) {
+pub fn estimate(rig: &Rig, records: &[Recorded]) -> ([f64; MEASURED], [NoiseSource; MEASURED]) {
     let mut noise = [f64::INFINITY; MEASURED];
     let mut source = [NoiseSource::Absent; MEASURED];
     for (index, channel) in Channel::MEASURED.into_iter().enumerate() {
@@ -76,44 +76,63 @@ fn quantum(values: &[f64]) -> f64 {
     if agreeing * 10 > steps.len() * 9 { smallest } else { 0.0 }
 }
 
-/// Root mean square of the residual of each measured channel, in its unit.
-pub(super) fn residual_rms(
-    problem: &Problem<'_, f64>,
+/// Residual series of a measured channel, one for each record: measured minus predicted, over the samples that are
+/// compared; NaN where a sample is missing, empty where the channel is absent.
+pub fn residual_series(
+    records: &[Record<'_, f64>],
     predictions: &[Vec<Outputs<f64>>],
-) -> [Option<f64>; MEASURED] {
-    let mut sums = [(0.0, 0_usize); MEASURED];
-    for (record, outputs) in problem.records.iter().zip(predictions) {
-        for (sample, output) in outputs.iter().enumerate().filter(|(sample, _)| record.is_compared(*sample)) {
-            for (index, predicted) in output.to_array().into_iter().enumerate() {
-                if let Some(value) = record.measured[index].get(sample).filter(|value| value.is_finite()) {
-                    sums[index].0 += (value - predicted) * (value - predicted);
-                    sums[index].1 += 1;
-                }
-            }
-        }
-    }
-    sums.map(|(sum, count)| (count > 0).then(|| (sum / count as f64).sqrt()))
+    channel: usize,
+) -> Vec<Vec<f64>> {
+    records
+        .iter()
+        .zip(predictions)
+        .map(|(record, outputs)| {
+            outputs
+                .iter()
+                .zip(record.measured[channel])
+                .enumerate()
+                .filter(|(sample, _)| record.is_compared(*sample))
+                .map(|(_, (output, value))| value - output.to_array()[channel])
+                .collect()
+        })
+        .collect()
 }
 
-/// How many samples of the residual say the same thing: the integrated autocorrelation time of the user position's
-/// residual, in samples, at least 1. The sum ends at the first lag whose correlation is within its own noise.
-pub(super) fn correlation_time(problem: &Problem<'_, f64>, predictions: &[Vec<Outputs<f64>>]) -> f64 {
-    let mut residual = Vec::new();
-    for (record, outputs) in problem.records.iter().zip(predictions) {
-        for (sample, output) in outputs.iter().enumerate().filter(|(sample, _)| record.is_compared(*sample)) {
-            if let Some(value) = record.measured[0].get(sample).filter(|value| value.is_finite()) {
-                residual.push(value - output.user);
-            }
+/// Root mean square of the residual of each measured channel, in its unit.
+pub(super) fn residual_rms(
+    records: &[Record<'_, f64>],
+    predictions: &[Vec<Outputs<f64>>],
+) -> [Option<f64>; MEASURED] {
+    std::array::from_fn(|channel| {
+        let (mut sum, mut count) = (0.0, 0_usize);
+        for value in residual_series(records, predictions, channel).iter().flatten().filter(|x| x.is_finite())
+        {
+            sum += value * value;
+            count += 1;
         }
-    }
-    let count = residual.len();
-    let power: f64 = residual.iter().map(|value| value * value).sum();
+        (count > 0).then(|| (sum / count as f64).sqrt())
+    })
+}
+
+/// How many samples of a residual say the same thing: its integrated autocorrelation time, in samples, at least 1. The
+/// sum ends at the first lag whose correlation is within its own noise.
+pub fn correlation_time(all: &[Vec<f64>]) -> f64 {
+    let count: usize = all.iter().map(Vec::len).sum();
+    let power: f64 = all.iter().flatten().filter(|value| value.is_finite()).map(|value| value * value).sum();
     if power == 0.0 {
         return 1.0;
     }
     let mut time = 1.0;
     for lag in 1..count / 10 {
-        let product: f64 = residual.iter().zip(&residual[lag..]).map(|(a, b)| a * b).sum();
+        let mut product = 0.0;
+        for one in all {
+            product += one
+                .iter()
+                .zip(one.iter().skip(lag))
+                .map(|(a, b)| a * b)
+                .filter(|product| product.is_finite())
+                .sum::<f64>();
+        }
         let correlation = product / power;
         if correlation < 2.0 / (count as f64).sqrt() {
             break;

@@ -1,10 +1,10 @@
 //! A fit from given starts, without a global search: for a model that differs little from one that is fitted.
 
-use super::engine::{Job, LOOK_STEP, dispatch, dispatch_with_step};
+use super::engine::{FIT_STEP, Job, LOOK_STEP, on_records};
 use super::{MAX_FREE, Prepared};
 use crate::rig::{Range, Rig};
 use eha_monitor::fit::gauss_newton::{Normal, Settings, finish, normal_equations};
-use eha_monitor::fit::problem::{Free, Misfit, Problem};
+use eha_monitor::fit::problem::{Misfit, Problem};
 use eha_monitor::integrate::Stepper;
 
 /// The result of a polish.
@@ -44,11 +44,7 @@ pub fn polish(
     records: &[Prepared],
     noise: [f64; 4],
 ) -> Option<Polished> {
-    let free = free(ranges);
-    let core_records: Vec<_> = records.iter().map(Prepared::as_core).collect();
-    let problem =
-        Problem { form: rig.form, parameters: rig.parameters, free: &free, records: &core_records, noise };
-    dispatch(&problem, Polish { starts })
+    on_records(rig, ranges, records, noise, FIT_STEP, Polish { starts })
 }
 
 /// What the linear model at each start foresees, without going there: one evaluation of the normal equations a start.
@@ -60,19 +56,7 @@ pub fn foresee(
     records: &[Prepared],
     noise: [f64; 4],
 ) -> Vec<Polished> {
-    let free = free(ranges);
-    let core_records: Vec<_> = records.iter().map(Prepared::as_core).collect();
-    let problem =
-        Problem { form: rig.form, parameters: rig.parameters, free: &free, records: &core_records, noise };
-    dispatch_with_step(&problem, LOOK_STEP, Foresee { starts })
-}
-
-fn free(ranges: &[Range]) -> Vec<Free<f64>> {
-    ranges
-        .iter()
-        .take(MAX_FREE)
-        .map(|range| Free { parameter: range.parameter, lower: range.lower, upper: range.upper })
-        .collect()
+    on_records(rig, ranges, records, noise, LOOK_STEP, Foresee { starts })
 }
 
 type Genes = [f64; MAX_FREE];
