@@ -59,7 +59,7 @@ impl<T: Real> Model<T> {
     #[inline(always)]
     pub fn pressure(&self, mode: &Mode, z: &State<T>) -> T {
         if self.fluid.is_linear() || self.fluid.is_compressible() || self.form.drive == Drive::Force {
-            self.linear_pressure(mode, z, T::ONE)
+            self.linear_pressure(&self.fluid_now(z), mode, z, T::ONE)
         } else {
             let opening = self.spool.opening(z.spool, side(mode.overlap), T::ONE);
             self.fluid_now(z).metering_pressure(opening, z.ram_velocity, T::ZERO)
@@ -189,14 +189,14 @@ impl<T: Real> Model<T> {
                 let current = self.controller.current(mode.current, self.demand(mode, z, input), T::ONE);
                 (self.pilot.hysteresis - (current - z.held_current).magnitude()) / self.pilot.hysteresis
             } else {
-                side::<T>(mode.hysteresis) * self.affine_rate(mode, z, input, T::ONE).held_current
+                side::<T>(mode.hysteresis) * self.rate(mode, z, input).held_current
             };
         }
         if self.pilot.feedback_play != T::ZERO {
             guards[FEEDBACK_PLAY - LOOP_GUARDS] = if mode.feedback_play == 0 {
                 (self.pilot.feedback_play - (z.spool - z.sensed_spool).magnitude()) / self.pilot.feedback_play
             } else {
-                side::<T>(mode.feedback_play) * self.affine_rate(mode, z, input, T::ONE).spool
+                side::<T>(mode.feedback_play) * self.rate(mode, z, input).spool
             };
         }
         if self.jack.is_mounted() {
