@@ -19,7 +19,7 @@ use crate::model::state::{Input, Mode, PRESSURE, RAM, RAM_VELOCITY, State};
 use crate::scalar::Real;
 
 /// Lengths of step on a ladder, each twice the one below.
-const LEVELS: usize = 7;
+const LEVELS: usize = 9;
 /// Most iterations of Newton's method in a step.
 const ITERATIONS: usize = 5;
 /// Where Newton's method ends: its last change moves the ram by this part of the allowed error.
@@ -61,20 +61,14 @@ struct Answer<T, const N: usize> {
     end: Weights<T, N>,
 }
 
-/// One step length.
-#[derive(Clone, Copy, Debug)]
-struct Level<T, const N: usize> {
-    /// The affine part over half a step.
-    half: Rung<T, N>,
-    /// The affine part over the step.
-    whole: Rung<T, N>,
-    answers: Curved<Answer<T, N>>,
-}
-
+/// The steps of one mode.
 #[derive(Clone, Copy, Debug)]
 struct Ladder<T, const N: usize> {
     key: u16,
-    levels: [Level<T, N>; LEVELS],
+    /// The affine part, from half the finest step on: the half of a step is the whole of the one below.
+    rungs: [Rung<T, N>; LEVELS + 1],
+    /// What the curved laws add, for each step length.
+    answers: [Curved<Answer<T, N>>; LEVELS],
 }
 
 /// Steps for a model of `N` states, with matrices for `SLOTS` modes kept at a time.
@@ -89,8 +83,8 @@ pub struct Collocation<T, const N: usize, const SLOTS: usize> {
     slot: usize,
     has_force: bool,
     mode: Option<Mode>,
-    /// What the constant terms of the mode add in half a step and in a whole one, for each step length.
-    constants: [[[T; N]; 2]; LEVELS],
+    /// What the constant terms of the mode add, for each rung.
+    constants: [[T; N]; LEVELS + 1],
 }
 
 impl<T: Real, const N: usize, const SLOTS: usize> Collocation<T, N, SLOTS> {
@@ -106,7 +100,7 @@ impl<T: Real, const N: usize, const SLOTS: usize> Collocation<T, N, SLOTS> {
             slot: 0,
             has_force: false,
             mode: None,
-            constants: [[[T::ZERO; N]; 2]; LEVELS],
+            constants: [[T::ZERO; N]; LEVELS + 1],
         }
     }
 
@@ -131,8 +125,8 @@ impl<T: Real, const N: usize, const SLOTS: usize> Collocation<T, N, SLOTS> {
         let rate = model.affine_rate(mode, &State::default(), &Input::default(), T::ONE);
         let rate = rate.leading::<N>();
         if let Some(Some(ladder)) = self.ladders.get(self.slot) {
-            for (constants, level) in self.constants.iter_mut().zip(&ladder.levels) {
-                *constants = [level.half.of_constants(&rate), level.whole.of_constants(&rate)];
+            for (constants, rung) in self.constants.iter_mut().zip(&ladder.rungs) {
+                *constants = rung.of_constants(&rate);
             }
         }
         self.mode = Some(*mode);
@@ -150,9 +144,9 @@ impl<T: Real, const N: usize> Ladder<T, N> {
             column(Curved { pressure_rate: T::ONE, ..Curved::default() }),
         ];
         let (mut growth, mut moments) = Growth::new(model, mode, finest * T::literal(0.5), columns);
-        let levels = core::array::from_fn(|_| {
+        let mut rungs = [growth.rung(); LEVELS + 1];
+        let answers = core::array::from_fn(|level| {
             let step = growth.step + growth.step;
-            let half = growth.rung();
             let powers = |growth: &Growth<T, N>, moment: &Moments<T, N>| {
                 let (constant, ramp) = (growth.constant_of(&moment.column), growth.ramp_of(&moment.column));
                 Weights::new(&constant, &ramp, &moment.parabola, step)
@@ -161,10 +155,10 @@ impl<T: Real, const N: usize> Ladder<T, N> {
             growth.double(&mut moments);
             let end = [powers(&growth, &moments[0]), powers(&growth, &moments[1])];
             let answer = |place: usize| Answer { middle: middle[place], end: end[place] };
-            let answers = Curved { force: answer(0), pressure_rate: answer(1) };
-            Level { half, whole: growth.rung(), answers }
+            rungs[level + 1] = growth.rung();
+            Curved { force: answer(0), pressure_rate: answer(1) }
         });
-        Self { key, levels }
+        Self { key, rungs, answers }
     }
 }
 
@@ -216,15 +210,11 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Collocation<T, 
         force_rate: T,
         level: usize,
     ) -> Step<T> {
-        let (Some(Some(ladder)), Some([half_constants, constants])) =
-            (self.ladders.get(self.slot), self.constants.get(level))
-        else {
-            return Step::exact(*state);
-        };
-        let Some(Level { half, whole, answers }) = ladder.levels.get(level) else { return Step::exact(*state) };
+        let Some(Some(ladder)) = self.ladders.get(self.slot) else { return Step::exact(*state) };
+        let Some(answers) = ladder.answers.get(level) else { return Step::exact(*state) };
         let force_rate = self.has_force.then_some(force_rate);
-        let middle = half.change(half_constants, state, input, force_rate);
-        let end = whole.change(constants, state, input, force_rate);
+        let affine = |rung: usize| ladder.rungs[rung].change(&self.constants[rung], state, input, force_rate);
+        let (middle, end) = (affine(level), affine(level + 1));
         let start = model.curved(mode, state);
         let mut force = Nodes::constant(start.force);
         let mut pressure = Nodes::constant(start.pressure_rate);

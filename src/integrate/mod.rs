@@ -107,7 +107,7 @@ impl<T: Real> Guards<T> {
         let fall = fall.plain.iter().chain(&fall.extra);
         before.zip(after).zip(fall).enumerate().any(|(index, ((&before, &after), &fall))| {
             Model::<T>::is_violated(index, before, after)
-                || (divisible && before.smaller(after) < fall * size)
+                || (divisible && before.smaller(after) + Model::<T>::slack(index) < fall * size)
         })
     }
 

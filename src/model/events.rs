@@ -33,6 +33,8 @@ const GROUND: usize = 14;
 
 /// How far a limit may be passed by rounding, relative to the limit.
 const LIMIT_TOLERANCE: f64 = 1e-5;
+/// Force on the spool that rounding may make up, N; it moves the spool by less than 0.3 nm a second.
+const SPOOL_FORCE_TOLERANCE: f64 = 1e-5;
 
 fn sign_of<T: Real>(value: T) -> i8 {
     if value < T::ZERO { -1 } else { 1 }
@@ -230,7 +232,15 @@ impl<T: Real> Model<T> {
         let limit =
             matches!(index, CURRENT | FLAPPER | FIRST_STAGE | PRESSURE | SPOOL_STOP | JACK_STOP | OVERLAP)
                 || index == INTEGRAL;
-        !limit || after < before || after < -T::literal(LIMIT_TOLERANCE)
+        let is_falling = !limit || after < before;
+        (is_falling && after < -Self::slack(index)) || after < -T::literal(LIMIT_TOLERANCE)
+    }
+
+    /// How far a guard may be negative without a meaning. The sliding spool comes to rest where its force is just the
+    /// sliding friction: its guard then is rounding around zero, for as long as the spool rests.
+    #[inline(always)]
+    pub fn slack(index: usize) -> T {
+        if index == SPOOL { T::literal(SPOOL_FORCE_TOLERANCE) } else { T::ZERO }
     }
 
     /// Enters the mode that follows when guard `index` turns negative, at the state of the crossing.
