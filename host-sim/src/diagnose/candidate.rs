@@ -13,20 +13,20 @@ const STEP_TIMES: usize = 10;
 
 /// An effect that was fitted together with everything that was free before.
 #[derive(Clone, Debug)]
-pub struct Candidate {
+pub(super) struct Candidate {
     /// The effect.
-    pub effect: &'static EffectInfo,
+    pub(super) effect: &'static EffectInfo,
     /// The free parameters: those of before, then the effect's.
-    pub ranges: Vec<Range>,
+    pub(super) ranges: Vec<Range>,
     /// The fit.
-    pub fit: Polished,
+    pub(super) fit: Polished,
     /// The rig with the fitted values.
-    pub rig: Rig,
+    pub(super) rig: Rig,
 }
 
 /// Can an effect act in a rig at all? An effect of the valve or the fluid needs them; one whose parameter is free
 /// already is part of the model.
-pub fn applies(effect: &EffectInfo, rig: &Rig, ranges: &[Range]) -> bool {
+pub(super) fn applies(effect: &EffectInfo, rig: &Rig, ranges: &[Range]) -> bool {
     use eha_monitor::effect::Port;
     let part_of_model =
         effect.parameters.iter().any(|&wanted| ranges.iter().any(|range| range.parameter == wanted));
@@ -76,20 +76,20 @@ fn effect_starts(effect: &EffectInfo, rig: &Rig, duration: f64) -> Vec<Vec<f64>>
 
 /// An effect as the linear model sees it, before anything is fitted.
 #[derive(Clone, Debug)]
-pub struct Prospect {
+pub(super) struct Prospect {
     /// The effect.
-    pub effect: &'static EffectInfo,
+    pub(super) effect: &'static EffectInfo,
     /// The free parameters: those of before, then the effect's.
     ranges: Vec<Range>,
     /// What the linear model foresees: values, misfit, covariance.
-    pub foreseen: Polished,
+    pub(super) foreseen: Polished,
     /// Where a fit is to start.
     start: Vec<f64>,
 }
 
 /// Looks at an effect beside the parameters that are free already, whose present values are in the rig. None where
 /// the records say nothing about it, or too many parameters are free.
-pub fn look(
+pub(super) fn look(
     effect: &'static EffectInfo,
     rig: &Rig,
     ranges: &[Range],
@@ -120,7 +120,7 @@ pub fn look(
 
 impl Prospect {
     /// Fits it.
-    pub fn fit(&self, rig: &Rig, records: &[Prepared], noise: [f64; 4]) -> Option<Candidate> {
+    pub(super) fn fit(&self, rig: &Rig, records: &[Prepared], noise: [f64; 4]) -> Option<Candidate> {
         let starts = [self.start.clone(), self.foreseen.values.clone()];
         let fit = fit::polish(rig, &self.ranges, &starts, records, noise)?;
         let mut fitted = fit.applied(rig, &self.ranges);

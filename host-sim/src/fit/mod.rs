@@ -107,6 +107,16 @@ impl Fit {
         self.estimates.iter().find(|estimate| estimate.parameter == parameter)
     }
 
+    /// Covariance of the estimates.
+    pub fn covariance(&self) -> Vec<Vec<f64>> {
+        let errors = self.estimates.iter().map(|estimate| estimate.standard_error);
+        errors
+            .clone()
+            .zip(&self.correlation)
+            .map(|(error, row)| row.iter().zip(errors.clone()).map(|(r, other)| r * error * other).collect())
+            .collect()
+    }
+
     /// Root mean square of the residual of the user position, m.
     pub fn position_rms(&self) -> f64 {
         self.residual_rms[0].unwrap_or(f64::NAN)
