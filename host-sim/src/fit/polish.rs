@@ -1,6 +1,6 @@
 //! A fit from given starts, without a global search: for a model that differs little from one that is fitted.
 
-use super::engine::{FIT_STEP, Job, LOOK_STEP, on_records};
+use super::engine::{FIT_TOLERANCE, Job, LOOK_TOLERANCE, on_records};
 use super::{MAX_FREE, Prepared};
 use crate::rig::{Range, Rig};
 use eha_monitor::fit::gauss_newton::{Normal, Settings, finish, normal_equations};
@@ -44,7 +44,7 @@ pub fn polish(
     records: &[Prepared],
     noise: [f64; 4],
 ) -> Option<Polished> {
-    on_records(rig, ranges, records, noise, FIT_STEP, Polish { starts })
+    on_records(rig, ranges, records, noise, FIT_TOLERANCE, Polish { starts })
 }
 
 /// What the linear model at each start foresees, without going there: one evaluation of the normal equations a start.
@@ -56,7 +56,7 @@ pub fn foresee(
     records: &[Prepared],
     noise: [f64; 4],
 ) -> Vec<Polished> {
-    on_records(rig, ranges, records, noise, LOOK_STEP, Foresee { starts })
+    on_records(rig, ranges, records, noise, LOOK_TOLERANCE, Foresee { starts })
 }
 
 type Genes = [f64; MAX_FREE];
