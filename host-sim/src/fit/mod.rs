@@ -16,7 +16,7 @@ use eha_monitor::fit::problem::{Misfit, Problem};
 use eha_monitor::integrate::Stepper;
 use eha_monitor::model::state::Outputs;
 use eha_monitor::parameter::{Parameter, Parameters};
-use engine::{FIT_STEP, Job, on_records};
+use engine::{FIT_TOLERANCE, Job, on_records};
 use std::time::Instant;
 
 /// Most parameters that one fit may free.
@@ -147,12 +147,12 @@ pub fn fit(
     settings: &FitSettings,
     mut watch: impl FnMut(Standing),
 ) -> Fit {
-    on_records(rig, ranges, records, noise, FIT_STEP, Search { settings, watch: &mut watch })
+    on_records(rig, ranges, records, noise, FIT_TOLERANCE, Search { settings, watch: &mut watch })
 }
 
 /// What a model with given parameters predicts for each record.
 pub fn predict(rig: &Rig, records: &[Prepared]) -> Vec<Vec<Outputs<f64>>> {
-    on_records(rig, &[], records, [f64::INFINITY; 4], FIT_STEP, Trace)
+    on_records(rig, &[], records, [f64::INFINITY; 4], FIT_TOLERANCE, Trace)
 }
 
 struct Trace;

@@ -1,6 +1,6 @@
 //! A fit from given starts, without a global search: for a model that differs little from one that is fitted.
 
-use super::engine::{FIT_STEP, Job, LOOK_STEP, on_records};
+use super::engine::{FIT_TOLERANCE, Job, LOOK_TOLERANCE, on_records};
 use super::{MAX_FREE, Prepared};
 use crate::rig::{Range, Rig};
 use eha_monitor::fit::gauss_newton::{Normal, Settings, finish, normal_equations};
@@ -52,7 +52,7 @@ pub fn approach(
     records: &[Prepared],
     noise: [f64; 4],
 ) -> Option<Polished> {
-    on_records(rig, ranges, records, noise, LOOK_STEP, Polish { starts, steps: FIRST_STEPS })
+    on_records(rig, ranges, records, noise, LOOK_TOLERANCE, Polish { starts, steps: FIRST_STEPS })
 }
 
 /// Goes to the bottom of the basin from the best of some starts; none without a start.
@@ -65,7 +65,7 @@ pub fn polish(
 ) -> Option<Polished> {
     let settings = Settings::<f64>::default();
     let go = |ranges: &[Range], starts: &[Vec<f64>], steps| {
-        on_records(rig, ranges, records, noise, FIT_STEP, Polish { starts, steps })
+        on_records(rig, ranges, records, noise, FIT_TOLERANCE, Polish { starts, steps })
     };
     let found = if starts.len() > 1 {
         let first = go(ranges, starts, FIRST_STEPS)?;
@@ -102,7 +102,7 @@ pub fn foresee(
     records: &[Prepared],
     noise: [f64; 4],
 ) -> Vec<Polished> {
-    on_records(rig, ranges, records, noise, LOOK_STEP, Foresee { starts })
+    on_records(rig, ranges, records, noise, LOOK_TOLERANCE, Foresee { starts })
 }
 
 type Genes = [f64; MAX_FREE];
