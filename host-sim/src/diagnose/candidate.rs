@@ -10,6 +10,10 @@ use eha_monitor::parameter::Parameter;
 const REACH: f64 = 20.0;
 /// Times at which a step load is looked for.
 const STEP_TIMES: usize = 10;
+/// Where an effect is looked for, in its sizes: a play or a dead zone that is seen at one size is not linear in it.
+const ONE_SIDED: &[f64] = &[0.03, 0.3, 3.0];
+/// The same for what can be on either side of its absence.
+const TWO_SIDED: &[f64] = &[-2.0, 0.2, 2.0];
 
 /// An effect that was fitted together with everything that was free before.
 #[derive(Clone, Debug)]
@@ -69,9 +73,15 @@ fn effect_starts(effect: &EffectInfo, rig: &Rig, duration: f64) -> Vec<Vec<f64>>
             .map(|k| vec![here + 0.5 * size, duration * (k as f64 + 0.5) / STEP_TIMES as f64])
             .collect();
     }
-    let one_sided = here <= info.lower;
-    let multiples: &[f64] = if one_sided { &[0.5, 3.0] } else { &[0.25] };
-    multiples.iter().map(|multiple| vec![(here + multiple * size).min(info.upper)]).collect()
+    let multiples = if here <= info.lower { ONE_SIDED } else { TWO_SIDED };
+    multiples
+        .iter()
+        .map(|multiple| {
+            let first = (here + multiple * size).clamp(info.lower, info.upper);
+            let others = effect.parameters.iter().zip(effect.sizes).skip(1);
+            std::iter::once(first).chain(others.map(|(_, &size)| size)).collect()
+        })
+        .collect()
 }
 
 /// An effect as the linear model sees it, before anything is fitted.
@@ -83,8 +93,8 @@ pub(super) struct Prospect {
     ranges: Vec<Range>,
     /// What the linear model foresees: values, misfit, covariance.
     pub(super) foreseen: Polished,
-    /// Where a fit is to start.
-    start: Vec<f64>,
+    /// Where it was looked for.
+    starts: Vec<Vec<f64>>,
 }
 
 /// Looks at an effect beside the parameters that are free already, whose present values are in the rig. None where
@@ -108,20 +118,28 @@ pub(super) fn look(
         .into_iter()
         .map(|start| here.iter().copied().chain(start).collect())
         .collect();
-    let (start, foreseen) = starts
+    let foreseen = fit::foresee(rig, &all, &starts, records, noise)
         .into_iter()
-        .filter_map(|start| {
-            let foreseen = fit::foresee(rig, &all, std::slice::from_ref(&start), records, noise).pop()?;
-            Some((start, foreseen))
-        })
-        .min_by(|a, b| a.1.misfit.chi_square.total_cmp(&b.1.misfit.chi_square))?;
-    Some(Prospect { effect, ranges: all, foreseen, start })
+        .min_by(|a, b| a.misfit.chi_square.total_cmp(&b.misfit.chi_square))?;
+    Some(Prospect { effect, ranges: all, foreseen, starts })
 }
 
 impl Prospect {
-    /// Fits it.
+    /// Fits it, from what the linear model foresees and from each place where it was looked for: what was free before
+    /// first follows it there, because it may have been far off to make up for the effect.
     pub(super) fn fit(&self, rig: &Rig, records: &[Prepared], noise: [f64; 4]) -> Option<Candidate> {
-        let starts = [self.start.clone(), self.foreseen.values.clone()];
+        let before = self.ranges.len() - self.effect.parameters.len();
+        let followed = self.starts.iter().filter_map(|start| {
+            let mut there = rig.clone();
+            for (range, &value) in self.ranges.iter().zip(start).skip(before) {
+                there.parameters.set(range.parameter, value);
+            }
+            let here = [start[..before].to_vec()];
+            fit::approach(&there, &self.ranges[..before], &here, records, noise)
+                .map(|found| (found.misfit.chi_square, [&found.values, &start[before..]].concat()))
+        });
+        let best = followed.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, start)| start);
+        let starts: Vec<Vec<f64>> = std::iter::once(self.foreseen.values.clone()).chain(best).collect();
         let fit = fit::polish(rig, &self.ranges, &starts, records, noise)?;
         let mut fitted = fit.applied(rig, &self.ranges);
         fitted.effects.push(self.effect);

@@ -3,7 +3,7 @@
 use super::candidate::{self, Candidate, Prospect};
 use super::residual::{self, MEASURED, MODEL_ERROR};
 use super::{Case, RESIDUAL_LIMIT};
-use crate::fit::{self, Fit, Polished};
+use crate::fit::{self, Estimate, Fit, Polished};
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::model::state::Outputs;
@@ -95,6 +95,16 @@ impl Hypothesis {
     fn price(&self, effect: &EffectInfo, scale: f64) -> f64 {
         let count = f64::from(self.joint.misfit.count) / scale;
         effect.parameters.len() as f64 * count.ln().max(1.0) + 2.0 * (EFFECTS.len() as f64).ln()
+    }
+
+    /// What is free, with errors for white noise that is `inflation` times as strong.
+    pub(super) fn estimates(&self, inflation: f64) -> Vec<Estimate> {
+        let values = self.ranges.iter().zip(&self.train.values).enumerate();
+        values
+            .map(|(index, (range, &value))| {
+                Estimate::new(range, value, self.train.standard_error(index) * inflation.sqrt())
+            })
+            .collect()
     }
 
     pub(super) fn same_effects(&self, other: &Self) -> bool {
@@ -249,8 +259,8 @@ impl Hypothesis {
     }
 
     /// The effects that could stand in for one that was added: with each in its place, the others kept, the records
-    /// are explained as well. The effect itself first.
-    pub(super) fn class_of(&self, case: &Case<'_>, earned: &Earned) -> Vec<&'static EffectInfo> {
+    /// are explained as well.
+    pub(super) fn stand_ins(&self, case: &Case<'_>, earned: &Earned) -> Vec<Self> {
         let scale = self.scale();
         let mine = |chi_square: f64, effect| chi_square / scale + self.price(effect, scale) + CLASS_EVIDENCE;
         let limit = mine(self.train.misfit.chi_square, earned.effect);
@@ -260,13 +270,11 @@ impl Hypothesis {
             other.effect.name != earned.effect.name
                 && other.fit.misfit.chi_square / scale + self.price(other.effect, scale) < limit
         });
-        let others = earned.without.with(case, others);
-        let mut class = vec![earned.effect];
-        class.extend(others.iter().filter_map(|other| {
-            let effect = *other.added.last()?;
-            let cost = other.joint.misfit.chi_square / scale + self.price(effect, scale);
-            (cost < joint_limit).then_some(effect)
-        }));
-        class
+        let mut others = earned.without.with(case, others);
+        others.retain(|other| {
+            let price = other.added.last().map_or(0.0, |effect| self.price(effect, scale));
+            other.joint.misfit.chi_square / scale + price < joint_limit
+        });
+        others
     }
 }

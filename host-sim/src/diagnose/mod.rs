@@ -219,20 +219,17 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned]) -
     let excess = |misfit: &Misfit<f64>| (misfit.mean_square() - 1.0).max(0.0);
     let explains = excess(&best.train.misfit) < (1.0 - NAMING_SHARE) * excess(&before.misfit);
     let inflation = if noise_only { 1.0 } else { inflation(case, &predictions, &best.train.misfit) };
-    let estimates: Vec<Estimate> = best
-        .ranges
-        .iter()
-        .enumerate()
-        .map(|(index, range)| {
-            let standard_error = best.train.standard_error(index) * inflation.sqrt();
-            Estimate::new(range, best.train.values[index], standard_error)
-        })
-        .collect();
+    let estimates: Vec<Estimate> = best.estimates(inflation);
+    let stand_ins: Vec<Vec<Hypothesis>> =
+        earned.iter().map(|earned| best.stand_ins(case, earned)).collect();
     let found: Vec<Found> = earned
         .iter()
-        .map(|earned| Found {
+        .zip(&stand_ins)
+        .map(|(earned, others)| Found {
             effect: earned.effect,
-            class: best.class_of(case, earned),
+            class: std::iter::once(earned.effect)
+                .chain(others.iter().filter_map(|other| other.added.last().copied()))
+                .collect(),
             evidence: earned.evidence,
             named: noise_only || explains,
             estimates: estimates
@@ -252,7 +249,15 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned]) -
             .collect()
     };
     let faults = (0..case.rig.faults.len())
-        .map(|index| Fault { estimate: estimates[index], confounded_with: confounded_with(index) })
+        .map(|index| {
+            let mut estimate = estimates[index];
+            // Whatever stands in for an effect has its own opinion of the faults: the interval holds them all.
+            for other in stand_ins.iter().flatten() {
+                let [lower, upper] = other.estimates(inflation)[index].ci95;
+                estimate.ci95 = [estimate.ci95[0].min(lower), estimate.ci95[1].max(upper)];
+            }
+            Fault { estimate, confounded_with: confounded_with(index) }
+        })
         .collect();
     let left = (!noise_only).then(|| {
         let series = residual::series(case.train(), &predictions, 0);

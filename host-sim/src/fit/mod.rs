@@ -6,7 +6,7 @@ mod polish;
 mod prepare;
 
 pub use noise::{NoiseSource, correlation_time, estimate, residual_series};
-pub use polish::{Polished, foresee, polish};
+pub use polish::{Polished, approach, foresee, polish};
 pub use prepare::{Prepared, prepare};
 
 use crate::rig::{Range, Rig};

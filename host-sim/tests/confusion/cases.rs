@@ -95,8 +95,9 @@ impl Case {
         truth
     }
 
-    /// Misfit that the faults alone leave on noise-free training records of a truth, and its number of terms.
-    pub(crate) fn refit(&self, truth: &Truth) -> (f64, u32) {
+    /// Misfit that the faults alone leave on noise-free training records of a truth, its number of terms, and the largest
+    /// residual of a channel in units of the model's error.
+    pub(crate) fn refit(&self, truth: &Truth) -> (f64, u32, f64) {
         let rig = Rig::load("eha").unwrap();
         let truth_rig = Rig { parameters: truth.parameters, ..rig.clone() };
         let prepared: Vec<Prepared> = self
@@ -121,7 +122,11 @@ impl Case {
         });
         let start = vec![truth.parameters.bkl, truth.parameters.fdj];
         let fit = fit::polish(&rig, &rig.faults, &[start], &prepared, noise).unwrap();
-        (fit.misfit.chi_square, fit.misfit.count)
+        let fitted = Rig { parameters: fit.applied(&rig, &rig.faults).parameters, ..rig.clone() };
+        let residuals = diagnose::residual::of_channels(&prepared, &fit::predict(&fitted, &prepared));
+        let matter = residuals.iter().zip(diagnose::residual::MODEL_ERROR);
+        let largest = matter.map(|(residual, error)| residual.map_or(0.0, |r| r.rms / error)).fold(0.0, f64::max);
+        (fit.misfit.chi_square, fit.misfit.count, largest)
     }
 
     fn record(&self, plant: &reference_plant::Plant, which: usize) -> Record {

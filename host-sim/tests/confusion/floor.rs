@@ -22,13 +22,14 @@ pub(crate) fn values(effect: &EffectInfo, size: f64) -> Vec<(Parameter, f64)> {
         .collect()
 }
 
-/// Size at which the effect, with the faults refitted, is expected to lower chi-square by what it costs to claim it.
+/// Size at which the effect, with the faults refitted, is expected to lower chi-square by what it costs to claim it,
+/// and to change a channel by more than the model's own error.
 pub(crate) fn of(effect: &EffectInfo, case: &Case) -> f64 {
     let mut size = effect.sizes[0];
     for _ in 0..6 {
-        let (chi_square, count) = visible(effect, size, case);
+        let (chi_square, count, largest) = visible(effect, size, case);
         let price = effect.parameters.len() as f64 * f64::from(count).ln() + 2.0 * (EFFECTS.len() as f64).ln();
-        let factor = (price / chi_square.max(1e-6)).sqrt().clamp(0.1, 10.0);
+        let factor = (price / chi_square.max(1e-6)).sqrt().max(1.0 / largest.max(1e-3)).clamp(0.1, 10.0);
         size *= factor;
         let info = effect.parameters[0].info();
         size = size.min(0.9 * (info.upper - info.default).max(info.default - info.lower));
@@ -39,7 +40,7 @@ pub(crate) fn of(effect: &EffectInfo, case: &Case) -> f64 {
     size
 }
 
-fn visible(effect: &EffectInfo, size: f64, case: &Case) -> (f64, u32) {
+fn visible(effect: &EffectInfo, size: f64, case: &Case) -> (f64, u32, f64) {
     let mut truth: Truth = case.truth();
     for (parameter, value) in values(effect, size) {
         truth.parameters.set(parameter, value);
