@@ -96,8 +96,7 @@ fn case(name: &str, index: u32) -> Case {
     let faults = [1e-4 + 4e-4 * spread, 400.0 * 4.0_f64.powf(f64::from(index * 7 % RECORDS) / 19.0)];
     let noise = 1e-6 * f64::from(1 + index % 5);
     let command = command(name, SAMPLES);
-    let clean =
-        Rig::with(|p| (p.bkl, p.fdj) = (faults[0], faults[1])).plant_at(&command, PLANT_STEP);
+    let clean = Rig::with(|p| (p.bkl, p.fdj) = (faults[0], faults[1])).plant_at(&command, PLANT_STEP);
     let mut noisy = clean.clone();
     add_noise(&mut noisy.user, noise, u64::from(index));
     add_noise(&mut noisy.current, CURRENT_NOISE, u64::from(index) + 1000);
@@ -146,7 +145,8 @@ fn ours(cases: &[Case]) -> Outcome {
         }
         let started = Instant::now();
         let mut steppers = [Stepper::new()];
-        let mut identification = Identification::<f64, 2, 20>::new(&problem, Settings::default(), index as u64);
+        let mut identification =
+            Identification::<f64, 2, 20>::new(&problem, Settings::default(), index as u64);
         identification.run(&problem, &mut steppers);
         let seconds = started.elapsed().as_secs_f64();
         let genes = identification.result().map_or([0.0; 2], |finish| finish.genes);
@@ -230,7 +230,9 @@ impl Peers {
                 .args(["-x", "none"])
                 .args(flags)
                 .status()
-                .map_err(|error| format!("{compiler}: {error}; run `cargo xtask peers`, which installs it"))?;
+                .map_err(|error| {
+                    format!("{compiler}: {error}; run `cargo xtask peers`, which installs it")
+                })?;
             if status.success() {
                 Ok(vec![program.display().to_string()])
             } else {

@@ -137,7 +137,10 @@ where
 
 /// Does a gene change the output of the motion only? Its neighbour then follows the base model.
 fn is_output<T: Real>(problem: &Problem<'_, T>, gene: usize) -> bool {
-    problem.free.get(gene).is_some_and(|free| Model::<T>::reach(problem.form, free.parameter) == Reach::Output)
+    problem
+        .free
+        .get(gene)
+        .is_some_and(|free| Model::<T>::reach(problem.form, free.parameter) == Reach::Output)
 }
 
 fn select<S>(steppers: &mut [S], model: usize, shared: bool) -> &mut S {

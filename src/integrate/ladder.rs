@@ -135,8 +135,7 @@ impl<T: Real, const N: usize> Growth<T, N> {
             let (constant, ramp) = (self.constant_of(&moment.column), self.ramp_of(&moment.column));
             let half_square = self.step * self.step * T::literal(0.5);
             for row in 0..N {
-                next[row] +=
-                    two * moment.parabola[row] + self.step * ramp[row] + half_square * constant[row];
+                next[row] += two * moment.parabola[row] + self.step * ramp[row] + half_square * constant[row];
             }
             moment.parabola = next;
         }
@@ -249,7 +248,11 @@ fn add_diagonal<T: Real, const N: usize>(matrix: &mut Columns<T, N>, value: T) {
     }
 }
 
-fn multiply<T: Real, const N: usize>(left: &Columns<T, N>, right: &Columns<T, N>, factor: T) -> Columns<T, N> {
+fn multiply<T: Real, const N: usize>(
+    left: &Columns<T, N>,
+    right: &Columns<T, N>,
+    factor: T,
+) -> Columns<T, N> {
     let mut product = [[T::ZERO; N]; N];
     for (sum, column) in product.iter_mut().zip(right) {
         for (&coefficient, terms) in column.iter().zip(left) {

@@ -261,8 +261,7 @@ fn attempt<T: Real, S: Stepper<T>>(
     let unit = stepper.unit();
     let size = size::<T, S>(level);
     let input = segment.at(unit * T::from_count(position));
-    let Step { state, error } =
-        stepper.step(model, &run.mode, &run.state, &input, segment.force_rate, level);
+    let Step { state, error } = stepper.step(model, &run.mode, &run.state, &input, segment.force_rate, level);
     run.steps += 1;
     if level > 0 && error > T::ONE {
         run.ceiling = level - 1;

@@ -166,7 +166,9 @@ impl<T: Real> Fluid<T> {
             self.linear_pressure_rate(opening, velocity, pressure)
         } else {
             self.bulk_stiffness
-                * (self.metered_flow(opening, pressure).0 - self.area * velocity - self.conductance * pressure)
+                * (self.metered_flow(opening, pressure).0
+                    - self.area * velocity
+                    - self.conductance * pressure)
         }
     }
 

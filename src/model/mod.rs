@@ -287,7 +287,8 @@ impl<T: Real> Model<T> {
 
     /// Rate of change of the state in a mode.
     pub fn rate(&self, mode: &Mode, z: &State<T>, input: &Input<T>) -> State<T> {
-        let curved = if self.is_affine() { Curved::default() } else { self.curved(mode, z).map(|term| term.value) };
+        let curved =
+            if self.is_affine() { Curved::default() } else { self.curved(mode, z).map(|term| term.value) };
         self.rate_with(mode, z, input, T::ONE, &curved)
     }
 
