@@ -220,8 +220,7 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned]) -
     let explains = excess(&best.train.misfit) < (1.0 - NAMING_SHARE) * excess(&before.misfit);
     let inflation = if noise_only { 1.0 } else { inflation(case, &predictions, &best.train.misfit) };
     let estimates: Vec<Estimate> = best.estimates(inflation);
-    let stand_ins: Vec<Vec<Hypothesis>> =
-        earned.iter().map(|earned| best.stand_ins(case, earned)).collect();
+    let stand_ins: Vec<Vec<Hypothesis>> = earned.iter().map(|earned| best.stand_ins(case, earned)).collect();
     let found: Vec<Found> = earned
         .iter()
         .zip(&stand_ins)

@@ -69,11 +69,9 @@ impl Case {
         let fdj = 300.0 + 1200.0 * unit(&mut random);
         let position = 1e-6 + 9e-6 * unit(&mut random);
         let quantum = if unit(&mut random) > 0.7 { position } else { 0.0 };
-        let held = [
-            Command::MixedStep,
-            Command::Sine { amplitude: 3e-3, frequency: 2.5 },
-            Command::SINE,
-        ][(3.0 * unit(&mut random)) as usize].clone();
+        let held = [Command::MixedStep, Command::Sine { amplitude: 3e-3, frequency: 2.5 }, Command::SINE]
+            [(3.0 * unit(&mut random)) as usize]
+            .clone();
         Self {
             effects: effects.split('+').map(str::to_owned).collect(),
             size,
@@ -105,27 +103,34 @@ impl Case {
             .iter()
             .map(|(command, samples)| {
                 let command: Vec<f64> = (0..*samples).map(|k| command.value(k as f64 * PERIOD)).collect();
-                let channels = vec![(Channel::Command, command.clone()), (Channel::UserPosition, command.clone())];
+                let channels =
+                    vec![(Channel::Command, command.clone()), (Channel::UserPosition, command.clone())];
                 let blank = Record::new("blank", PERIOD, 0.0, channels).unwrap();
                 let outputs = fit::predict(&truth_rig, &[fit::prepare(&rig, &blank, 1e-6)]).concat();
                 let mut channels = vec![(Channel::Command, command)];
                 for (index, channel) in Channel::MEASURED.into_iter().enumerate() {
                     if self.set.channels.contains(&channel) {
-                        channels.push((channel, outputs.iter().map(|output| output.to_array()[index]).collect()));
+                        channels
+                            .push((channel, outputs.iter().map(|output| output.to_array()[index]).collect()));
                     }
                 }
                 fit::prepare(&rig, &Record::new("noise-free", PERIOD, 0.0, channels).unwrap(), self.noise[0])
             })
             .collect();
         let noise = std::array::from_fn(|index| {
-            if self.set.channels.contains(&Channel::MEASURED[index]) { self.noise[index] } else { f64::INFINITY }
+            if self.set.channels.contains(&Channel::MEASURED[index]) {
+                self.noise[index]
+            } else {
+                f64::INFINITY
+            }
         });
         let start = vec![truth.parameters.bkl, truth.parameters.fdj];
         let fit = fit::polish(&rig, &rig.faults, &[start], &prepared, noise).unwrap();
         let fitted = Rig { parameters: fit.applied(&rig, &rig.faults).parameters, ..rig.clone() };
         let residuals = diagnose::residual::of_channels(&prepared, &fit::predict(&fitted, &prepared));
         let matter = residuals.iter().zip(diagnose::residual::MODEL_ERROR);
-        let largest = matter.map(|(residual, error)| residual.map_or(0.0, |r| r.rms / error)).fold(0.0, f64::max);
+        let largest =
+            matter.map(|(residual, error)| residual.map_or(0.0, |r| r.rms / error)).fold(0.0, f64::max);
         (fit.misfit.chi_square, fit.misfit.count, largest)
     }
 
@@ -161,10 +166,19 @@ impl Case {
         for effect in &self.effects {
             match effect.as_str() {
                 "clean" => {}
-                "tone" => plant_effects.disturbance = Tone { amplitude: 800.0 * self.size, frequency: 9.0, phase: 0.3 },
-                "tone-slow" => plant_effects.disturbance = Tone { amplitude: 800.0 * self.size, frequency: 2.2, phase: 0.3 },
+                "tone" => {
+                    plant_effects.disturbance =
+                        Tone { amplitude: 800.0 * self.size, frequency: 9.0, phase: 0.3 }
+                }
+                "tone-slow" => {
+                    plant_effects.disturbance =
+                        Tone { amplitude: 800.0 * self.size, frequency: 2.2, phase: 0.3 }
+                }
                 "drift" => plant_effects.sensor_drift = 1e-5 * self.size,
-                "detent" => { plant_effects.detent_force = 800.0 * self.size; plant_effects.detent_pitch = 2e-3; }
+                "detent" => {
+                    plant_effects.detent_force = 800.0 * self.size;
+                    plant_effects.detent_pitch = 2e-3;
+                }
                 "ramp-load" => plant_effects.ramp_load = 300.0 * self.size,
                 "rate-noise" => {}
                 name => {
@@ -190,13 +204,7 @@ impl Case {
         let (noise, _) = fit::estimate(&rig, &records[..2]);
         let prepared: Vec<Prepared> =
             records.iter().map(|record| fit::prepare(&rig, record, noise[0])).collect();
-        let case = diagnose::Case {
-            rig: &rig,
-            records: &prepared,
-            fitted: 2,
-            noise,
-            known_noise: [None; 4],
-        };
+        let case = diagnose::Case { rig: &rig, records: &prepared, fitted: 2, noise, known_noise: [None; 4] };
         let diagnosis = diagnose::diagnose(&case, &FitSettings::default(), &|_, _| {});
         let seconds = started.elapsed().as_secs_f64();
         let named = |wanted: &str| {
@@ -241,15 +249,34 @@ impl Outcome {
             d.verdict.name(),
         );
         let held = d.holdout.unwrap();
-        let _ = write!(text, "held {:.2}->{:.2} (truth {:.2}) um ", held[0].position_rms * 1e6, held[1].position_rms * 1e6, self.best * 1e6);
+        let _ = write!(
+            text,
+            "held {:.2}->{:.2} (truth {:.2}) um ",
+            held[0].position_rms * 1e6,
+            held[1].position_rms * 1e6,
+            self.best * 1e6
+        );
         for (parameter, fault) in [Parameter::Backlash, Parameter::DryFriction].into_iter().zip(&d.faults) {
             let truth = self.truth.parameters.get(parameter);
             let e = &fault.estimate;
-            let _ = write!(text, "{} {:+.2}% ({:+.1}s) ", e.parameter.info().name, (e.value / truth - 1.0) * 100.0, (e.value - truth) / e.standard_error);
+            let _ = write!(
+                text,
+                "{} {:+.2}% ({:+.1}s) ",
+                e.parameter.info().name,
+                (e.value / truth - 1.0) * 100.0,
+                (e.value - truth) / e.standard_error
+            );
         }
         for found in &d.found {
             let names: Vec<&str> = found.class.iter().map(|effect| effect.name).collect();
-            let _ = write!(text, "[{}{} ev {:.0} {:.3e}] ", if found.named { "" } else { "~" }, names.join(" "), found.evidence, found.estimates[0].value);
+            let _ = write!(
+                text,
+                "[{}{} ev {:.0} {:.3e}] ",
+                if found.named { "" } else { "~" },
+                names.join(" "),
+                found.evidence,
+                found.estimates[0].value
+            );
         }
         let _ = write!(text, "{:.1} s", self.seconds);
         text

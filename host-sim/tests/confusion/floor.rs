@@ -28,7 +28,8 @@ pub(crate) fn of(effect: &EffectInfo, case: &Case) -> f64 {
     let mut size = effect.sizes[0];
     for _ in 0..6 {
         let (chi_square, count, largest) = visible(effect, size, case);
-        let price = effect.parameters.len() as f64 * f64::from(count).ln() + 2.0 * (EFFECTS.len() as f64).ln();
+        let price =
+            effect.parameters.len() as f64 * f64::from(count).ln() + 2.0 * (EFFECTS.len() as f64).ln();
         let factor = (price / chi_square.max(1e-6)).sqrt().max(1.0 / largest.max(1e-3)).clamp(0.1, 10.0);
         size *= factor;
         let info = effect.parameters[0].info();

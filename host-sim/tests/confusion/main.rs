@@ -1,9 +1,9 @@
 //! What `diagnose` makes of every effect of the catalogue: records of the independent plant, with the effect at half,
 //! once and several times the size from which statistics can see it.
 
+mod cases;
 #[path = "../../../tests/common/mod.rs"]
 mod common;
-mod cases;
 mod floor;
 
 use cases::{CHANNEL_SETS, Case, Outcome};
@@ -25,7 +25,12 @@ fn study() {
         for set in list("SETS", "0,1,2") {
             for size in list("SIZES", "2") {
                 for seed in 0..list("SEEDS", "1")[0].parse::<u64>().unwrap() {
-                    cases.push(Case::new(&name, size.parse().unwrap(), &CHANNEL_SETS[set.parse::<usize>().unwrap()], seed));
+                    cases.push(Case::new(
+                        &name,
+                        size.parse().unwrap(),
+                        &CHANNEL_SETS[set.parse::<usize>().unwrap()],
+                        seed,
+                    ));
                 }
             }
         }
