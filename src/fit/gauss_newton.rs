@@ -110,21 +110,28 @@ where
         }
         let mut walks: [Walk<T>; GENES] = core::array::from_fn(|gene| Walk::new(&neighbours[gene], record));
         let mut walk = Walk::new(&base, record);
-        let mut followers: [Option<Follower<T>>; GENES] = core::array::from_fn(|gene| {
-            (gene < active && is_output(problem, gene)).then(|| Follower::of(walks[gene].actuator()))
-        });
+        let mut followers: [Option<Follower<T>>; GENES] =
+            walks.each_ref().map(|walk| Follower::of(walk.actuator())).map(Some);
+        for (gene, follower) in followers.iter_mut().enumerate() {
+            if !is_output(problem, gene) {
+                *follower = None;
+            }
+        }
         loop {
             let mut chunk = Chunk::<T, GENES>::new();
             chunk.fill_base(problem, record, &mut walk, select(steppers, 0, shared), &walks, &mut followers);
             if chunk.filled == 0 {
                 break;
             }
-            for gene in (0..active).filter(|&gene| !is_output(problem, gene)) {
+            for (gene, walk) in walks.iter_mut().enumerate().take(active) {
+                if is_output(problem, gene) {
+                    continue;
+                }
                 let stepper = select(steppers, gene + 1, shared);
                 if shared {
                     stepper.begin(record.sample_period, has_force, dynamic);
                 }
-                chunk.fill_neighbour(problem, record, &mut walks[gene], stepper, gene);
+                chunk.fill_neighbour(problem, record, walk, stepper, gene);
             }
             if shared {
                 select(steppers, 0, shared).begin(record.sample_period, has_force, dynamic);
@@ -199,9 +206,9 @@ impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
     ) {
         for place in &mut self.samples {
             let Some((sample, outputs)) = walk.lead(record, stepper, followers) else { break };
-            for (gene, follower) in followers.iter_mut().enumerate() {
+            for (gene, (follower, neighbour)) in followers.iter_mut().zip(neighbours).enumerate() {
                 if let Some(follower) = follower {
-                    let user = follower.shown(neighbours[gene].actuator());
+                    let user = follower.shown(neighbour.actuator());
                     place.compare(problem, record, sample, gene, &Outputs { user, ..outputs });
                 }
             }
