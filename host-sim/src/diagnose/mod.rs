@@ -38,7 +38,7 @@ const RESIDUAL_LIMIT: f64 = 5.0;
 /// A fault whose standard error grows by this factor when an effect is fitted beside it is confounded with the effect.
 const CONFOUNDED: f64 = 5.0;
 /// Share of the misfit beyond noise that effects must take away to be named although something else is left.
-const NAMING_SHARE: f64 = 0.9;
+const NAMING_SHARE: f64 = 0.99;
 
 /// What the data say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -191,17 +191,17 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f
 }
 
 /// The hypothesis of the lowest cost whose effects all earn their place.
-fn soundest(case: &Case<'_>, tried: Vec<Hypothesis>) -> (Hypothesis, Vec<Earned>) {
+fn soundest(case: &Case<'_>, mut tried: Vec<Hypothesis>) -> (Hypothesis, Vec<Earned>) {
     let scale = tried.iter().map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
     let cost = |(hypothesis, _): &(Hypothesis, Option<Vec<Earned>>)| hypothesis.cost(scale);
-    let mut open: Vec<_> = tried.into_iter().map(|hypothesis| (hypothesis, None)).collect();
+    let mut open: Vec<_> = tried.iter().cloned().map(|hypothesis| (hypothesis, None)).collect();
     loop {
         open.sort_by(|a, b| cost(b).total_cmp(&cost(a)));
         let Some((hypothesis, earned)) = open.pop() else { unreachable!("what is popped is pushed again") };
         if let Some(earned) = earned {
             return (hypothesis, earned);
         }
-        let (sound, earned) = hypothesis.pruned(case);
+        let (sound, earned) = hypothesis.pruned(case, &mut tried);
         open.push((sound, Some(earned)));
     }
 }

@@ -121,7 +121,7 @@ impl Case {
             if self.set.channels.contains(&Channel::MEASURED[index]) { self.noise[index] } else { f64::INFINITY }
         });
         let start = vec![truth.parameters.bkl, truth.parameters.fdj];
-        let fit = fit::polish(&rig, &rig.faults, &[start], &prepared, noise).unwrap();
+        let fit = fit::polish(&rig, &rig.faults, start, &prepared, noise).unwrap();
         let fitted = Rig { parameters: fit.applied(&rig, &rig.faults).parameters, ..rig.clone() };
         let residuals = diagnose::residual::of_channels(&prepared, &fit::predict(&fitted, &prepared));
         let matter = residuals.iter().zip(diagnose::residual::MODEL_ERROR);
