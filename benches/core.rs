@@ -51,7 +51,7 @@ fn sample(criterion: &mut Criterion) {
         walk.next(&record, &mut stepper);
     }
     criterion.bench_function("quiet sample, f64", |bencher| {
-        bencher.iter(|| black_box(walk.clone()).next(&record, &mut stepper));
+        bencher.iter(|| black_box(walk).next(&record, &mut stepper));
     });
 }
 
@@ -98,14 +98,14 @@ fn searches(criterion: &mut Criterion) {
     let search = || Identification::<f64, 2, 20>::new(&problem, Settings::default(), 1);
     criterion.bench_function("generation of 20", |bencher| {
         bencher.iter(|| {
-            let (mut search, mut steppers) = (search(), [Exactly::new()]);
+            let (mut search, mut steppers) = (search(), vec![Exactly::new()]);
             for _ in 0..20 {
                 search.advance(&problem, &mut steppers);
             }
         });
     });
     criterion.bench_function("identification of two faults", |bencher| {
-        bencher.iter(|| search().run(&problem, &mut [Exactly::new()]));
+        bencher.iter(|| search().run(&problem, &mut vec![Exactly::new()]));
     });
 }
 

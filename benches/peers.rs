@@ -144,7 +144,7 @@ fn ours(cases: &[Case]) -> Outcome {
             }
         }
         let started = Instant::now();
-        let mut steppers = [Stepper::new()];
+        let mut steppers = vec![Stepper::new()];
         let mut identification =
             Identification::<f64, 2, 20>::new(&problem, Settings::default(), index as u64);
         identification.run(&problem, &mut steppers);

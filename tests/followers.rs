@@ -30,7 +30,7 @@ fn a_follower_shows_what_its_own_simulation_would() {
         (p.fdj, p.bkl) = (800.0, 3e-4);
         (p.sensor_lag, p.sensor_gain, p.sensor_delay) = (2e-3, 0.01, 1.5e-3);
     });
-    let mut steppers = [Stepper::new(), Stepper::new()];
+    let mut steppers = vec![Stepper::new(); 2];
     for stepper in &mut steppers {
         stepper.begin(PERIOD, false, true);
     }

@@ -155,8 +155,10 @@ impl Hypothesis {
     fn fit_promising(&self, case: &Case<'_>) -> Vec<Candidate> {
         let base = self.train.misfit.chi_square;
         let gain = |prospect: &Prospect| base - prospect.foreseen.misfit.chi_square;
-        let (mut asked, mut promising): (Vec<Prospect>, Vec<Prospect>) =
-            self.look(case).into_iter().partition(|prospect| self.confuses(case, prospect).any(|mixed| mixed));
+        let (mut asked, mut promising): (Vec<Prospect>, Vec<Prospect>) = self
+            .look(case)
+            .into_iter()
+            .partition(|prospect| self.confuses(case, prospect).any(|mixed| mixed));
         promising.retain(|prospect| gain(prospect) > PROMISING);
         promising.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
         promising.truncate(MOST_APPROACHED);
@@ -215,8 +217,8 @@ impl Hypothesis {
         let mut ranges = self.ranges.clone();
         ranges.retain(|range| !effect.parameters.contains(&range.parameter));
         let start = ranges.iter().map(|range| rig.parameters.get(range.parameter)).collect();
-        let train = fit::polish(&rig, &ranges, start, case.train(), case.noise)
-            .unwrap_or_else(|| self.train.clone());
+        let train =
+            fit::polish(&rig, &ranges, start, case.train(), case.noise).unwrap_or_else(|| self.train.clone());
         let rig = train.applied(&rig, &ranges);
         Self::validated(case, rig, ranges, train, added)
     }
