@@ -15,6 +15,7 @@ pub mod fit;
 pub mod output;
 pub mod plant;
 pub mod record;
+mod report;
 pub mod rig;
 pub mod thesis;
 pub mod verb;

@@ -4,6 +4,7 @@ use crate::cli::Common;
 use crate::failure::Failure;
 use crate::fit::{Estimate, Fit, NoiseSource, Standing};
 use crate::record::{Record, write_csv};
+use crate::report::REPORT_FILE;
 use crate::rig::{Range, Rig};
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use eha_monitor::channel::Channel;
@@ -81,6 +82,17 @@ pub fn write_file(path: &Path, content: &[u8]) -> Result<(), Failure> {
     let mut file = tempfile::NamedTempFile::new_in(directory).map_err(fail)?;
     file.write_all(content).map_err(fail)?;
     file.persist(path).map_err(|error| fail(error.error))?;
+    Ok(())
+}
+
+/// Writes the report into the output directory, if there is one; `make` is not called otherwise.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn report(common: &Common, make: impl FnOnce() -> String) -> Result<(), Failure> {
+    let Some(path) = out_path(common, REPORT_FILE) else { return Ok(()) };
+    write_file(&path, make().as_bytes())?;
+    log(common, &format!("wrote {}", path.display()));
     Ok(())
 }
 

@@ -97,8 +97,23 @@ pub struct Fit {
     pub seconds_per_generation: f64,
     /// Why the search ended.
     pub stop: StopReason,
-    /// Best cost (mean square in units of the noise) after each evaluation of the genetic algorithm.
-    pub history: Vec<f64>,
+    /// Every child and every finish of the search, in their order.
+    pub visits: Vec<Visit>,
+    /// What the covariance of white noise was multiplied by, because the residual is not noise.
+    pub inflation: f64,
+}
+
+/// A place that a search went to, and where the population stood after it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Visit {
+    /// Value of each free parameter.
+    pub values: Vec<f64>,
+    /// Cost of the best member: mean square in units of the noise.
+    pub best: f64,
+    /// Cost of the worst member.
+    pub worst: f64,
+    /// Was it the end of a Gauss-Newton finish, not a child?
+    pub finish: bool,
 }
 
 impl Fit {
@@ -179,7 +194,7 @@ fn search<S: Stepper<f64>>(
     core_settings.search.population = settings.population;
     let mut identification =
         Identification::<f64, MAX_FREE, MAX_POPULATION>::new(problem, core_settings, settings.seed);
-    let mut history = Vec::new();
+    let mut visits = Vec::new();
     let mut searching = 0.0;
     let stop = loop {
         let before = started.elapsed().as_secs_f64();
@@ -187,12 +202,10 @@ fn search<S: Stepper<f64>>(
         let best = identification.search().best().map_or(f64::INFINITY, |(_, cost)| cost);
         match progress {
             Progress::Done(reason) => break reason,
-            Progress::Child(_) => {
-                searching += started.elapsed().as_secs_f64() - before;
-                history.push(best);
-            }
+            Progress::Child(_) => searching += started.elapsed().as_secs_f64() - before,
             Progress::Finished => {}
         }
+        visits.push(visit(problem, &identification, progress == Progress::Finished));
         watch(Standing {
             evaluations: identification.evaluations(),
             budget: settings.budget,
@@ -246,6 +259,25 @@ fn search<S: Stepper<f64>>(
         seconds: started.elapsed().as_secs_f64(),
         seconds_per_generation: searching / f64::from(children) * settings.population as f64,
         stop,
-        history,
+        visits,
+        inflation,
+    }
+}
+
+/// The place of the last child, or of the best finish.
+fn visit(
+    problem: &Problem<'_, f64>,
+    identification: &Identification<f64, MAX_FREE, MAX_POPULATION>,
+    finish: bool,
+) -> Visit {
+    let search = identification.search();
+    let genes =
+        identification.result().filter(|_| finish).map_or(search.last_child(), |result| &result.genes);
+    let costs = || search.members().map(|(_, cost)| cost);
+    Visit {
+        values: problem.free.iter().zip(genes).map(|(free, &gene)| free.value(gene)).collect(),
+        best: costs().fold(f64::INFINITY, f64::min),
+        worst: costs().fold(0.0, f64::max),
+        finish,
     }
 }

@@ -23,6 +23,7 @@ pub struct Options {
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let fitted = fit_records(common, &options.fit, DEFAULT_RIG, |rig| rig.free.clone())?;
     let result = identify::json(common, &fitted, "parameters");
+    identify::save(common, &fitted, &result, "calibrate.json", "Calibration")?;
     if common.json {
         output::print_json(&result)?;
     } else {

@@ -7,6 +7,7 @@ use crate::failure::Failure;
 use crate::fit::{self, FitSettings, Prepared};
 use crate::output::{self, SCHEMA};
 use crate::record::Record;
+use crate::report::{self, Diagnosed};
 use crate::rig::{self, Rig};
 use eha_monitor::channel::Channel;
 use serde_json::{Value, json};
@@ -164,6 +165,16 @@ impl Job<'_> {
             )?;
             output::log(self.common, &format!("wrote {}", path.display()));
         }
+        output::report(self.common, || {
+            report::diagnosis(&Diagnosed {
+                rig: &self.rig,
+                train: &self.train,
+                holdout: &self.holdout,
+                names: &self.names,
+                diagnosis,
+                result,
+            })
+        })?;
         if let (Some(path), Some(record)) = (prediction, self.holdout.first()) {
             let prepared = [fit::prepare(&self.rig, record, diagnosis.noise[0])];
             let mut text = String::from("t_s,lvdt_m\n");

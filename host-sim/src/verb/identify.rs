@@ -3,7 +3,9 @@
 use super::{DEFAULT_RIG, FitOptions, Fitted, converged, fit_records};
 use crate::cli::Common;
 use crate::failure::Failure;
+use crate::fit::Fit;
 use crate::output::{self, SCHEMA};
+use crate::report::{self, Identified};
 use serde_json::{Value, json};
 
 /// Options of `identify`.
@@ -20,15 +22,53 @@ pub struct Options {
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let fitted = fit_records(common, &options.fit, DEFAULT_RIG, |rig| rig.faults.clone())?;
     let result = json(common, &fitted, "faults");
-    if let Some(path) = output::out_path(common, "identify.json") {
-        output::write_file(&path, serde_json::to_string_pretty(&result).map_err(Failure::other)?.as_bytes())?;
-    }
+    save(common, &fitted, &result, "identify.json", "Identification")?;
     if common.json {
         output::print_json(&result)?;
     } else {
         print(common, &fitted)?;
     }
     converged(&fitted.fit)
+}
+
+/// Writes the result as JSON and as a report, if there is a directory for them.
+pub(super) fn save(
+    common: &Common,
+    fitted: &Fitted,
+    result: &Value,
+    file: &str,
+    title: &str,
+) -> Result<(), Failure> {
+    let Some(path) = output::out_path(common, file) else { return Ok(()) };
+    output::write_file(&path, serde_json::to_string_pretty(result).map_err(Failure::other)?.as_bytes())?;
+    output::log(common, &format!("wrote {}", path.display()));
+    output::report(common, || {
+        report::identification(&Identified {
+            title,
+            rig: &fitted.rig,
+            ranges: &fitted.ranges,
+            records: &fitted.records,
+            names: &fitted.names,
+            prepared: &fitted.prepared,
+            fit: &fitted.fit,
+            noise_source: &fitted.noise_source,
+            population: fitted.population,
+            warnings: &notes(&fitted.fit),
+            config: &result["config"],
+        })
+    })
+}
+
+/// What the user should know of a fit.
+fn notes(fit: &Fit) -> Vec<String> {
+    let mut notes = output::correlation_warnings(fit);
+    if fit.misfit.mean_square() > 2.0 {
+        notes.push(format!(
+            "the residual is {:.1} times the noise: the model lacks something; `diagnose` looks for it",
+            fit.misfit.mean_square().sqrt()
+        ));
+    }
+    notes
 }
 
 /// The result as JSON; `list` names the list of estimates.
@@ -69,16 +109,7 @@ pub(super) fn print(common: &Common, fitted: &Fitted) -> Result<(), Failure> {
         common.seed,
     ))?;
     output::print(&configuration(fitted))?;
-    for warning in output::correlation_warnings(fit) {
-        output::print(&format!("note: {warning}"))?;
-    }
-    if fit.misfit.mean_square() > 2.0 {
-        output::print(&format!(
-            "note: the residual is {:.1} times the noise: the model lacks something; `diagnose` looks for it",
-            fit.misfit.mean_square().sqrt()
-        ))?;
-    }
-    Ok(())
+    notes(fit).iter().try_for_each(|note| output::print(&format!("note: {note}")))
 }
 
 /// The resolved configuration in a line.

@@ -96,8 +96,10 @@ struct Fitted {
     rig: Rig,
     ranges: Vec<Range>,
     noise_source: [NoiseSource; 4],
+    records: Vec<Record>,
     prepared: Vec<Prepared>,
     fit: Fit,
+    population: usize,
     names: Vec<String>,
 }
 
@@ -120,7 +122,8 @@ fn fit_records(
     });
     bar.finish_and_clear();
     let names = options.records.iter().map(|path| path.display().to_string()).collect();
-    Ok(Fitted { rig, ranges, noise_source, prepared, fit, names })
+    let population = options.population;
+    Ok(Fitted { rig, ranges, noise_source, records, prepared, fit, population, names })
 }
 
 /// A search that used up its budget has not converged: its result is printed, and the exit code says so.

@@ -11,6 +11,7 @@ use crate::fit::{self, Fit, FitSettings};
 use crate::output::{self, SCHEMA};
 use crate::plant::{self, Excitation, Sensing};
 use crate::record::Record;
+use crate::report::{self, Portrait, Reproduced};
 use crate::rig::{BUILT_IN, Rig};
 use crate::thesis::{BKL_BOUNDS, CASES, Case};
 use eha_monitor::channel::Channel;
@@ -26,6 +27,8 @@ use std::time::Instant;
 
 /// Samples of a case: 1 s at 1 kHz.
 const SAMPLES: usize = 1001;
+/// Their period, s.
+const SAMPLE_PERIOD: f64 = 1e-3;
 /// Weights of the channels: the noise of the sensors that the design assumes.
 const NOISE: [f64; 4] = [5e-6, f64::INFINITY, 0.02, f64::INFINITY];
 /// Longest step of the HF model, s.
@@ -87,6 +90,11 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         output::write_file(&path, serde_json::to_string_pretty(&result).map_err(Failure::other)?.as_bytes())?;
         output::log(common, &format!("wrote {}", path.display()));
     }
+    let portraits = if common.out.is_some() { portraits()? } else { Vec::new() };
+    output::report(common, || {
+        let cases: Vec<Reproduced> = results.iter().map(Outcome::in_report).collect();
+        report::reproduction(&cases, &portraits, &result)
+    })?;
     if common.json {
         return output::print_json(&result);
     }
@@ -121,7 +129,7 @@ fn fly(
     rig.parameters.bkl = bkl;
     rig.parameters.fdj = fdj;
     rig.parameters.metering_blend = if high_fidelity { 1.0 } else { 0.0 };
-    let excitation = Excitation::of_command(command, SAMPLES, 1e-3)?;
+    let excitation = Excitation::of_command(command, SAMPLES, SAMPLE_PERIOD)?;
     let outputs = plant::run(rig.form, &rig.parameters, &excitation, PLANT_STEP);
     Ok((excitation, outputs, rig.form))
 }
@@ -150,6 +158,11 @@ impl Outcome {
         self.case.mean_error_percent(bkl, fdj)
     }
 
+    fn in_report(&self) -> Reproduced {
+        let pair = |fit: &Fit| <[f64; 2]>::from(faults(fit));
+        Reproduced { case: self.case, before: pair(&self.before), after: self.after.as_ref().map(pair) }
+    }
+
     fn json(&self) -> Value {
         let case = &self.case;
         let ours = |fit: &Fit| {
@@ -172,6 +185,21 @@ impl Outcome {
             "after": self.after.as_ref().map(ours),
         })
     }
+}
+
+/// The healthy actuator by both models, flying each command of the cases.
+fn portraits() -> Result<Vec<Portrait>, Failure> {
+    let position = |command: &str, high_fidelity: bool| -> Result<Vec<f64>, Failure> {
+        let (_, outputs, _) = fly(command, 0.0, Parameter::DryFriction.info().default, high_fidelity)?;
+        Ok(outputs.iter().map(|output| output.user).collect())
+    };
+    ["chirp", "mixed"]
+        .into_iter()
+        .map(|command| {
+            let (high, low) = (position(command, true)?, position(command, false)?);
+            Ok(Portrait { command, sample_period: SAMPLE_PERIOD, high, low })
+        })
+        .collect()
 }
 
 /// The monitor's rig with what two healthy HF records reveal, validated on a third.
