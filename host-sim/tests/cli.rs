@@ -6,6 +6,7 @@ mod cli {
     mod identify;
     mod json;
     mod measured;
+    mod report;
     mod reproduce;
     mod simulate;
     mod streams;

@@ -5,10 +5,9 @@ use super::identification::{search, short_name};
 use super::page::{Page, Tile, remarks, table};
 use super::plot::Role;
 use super::rows::{Row, Rows, Shape};
-use super::scale::Axis;
+use super::scale::{Axis, shown};
 use crate::diagnose::{Diagnosis, Score, Verdict};
 use crate::fit::{self, Estimate, FitSettings, Prepared};
-use crate::output::quantity;
 use crate::record::Record;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::EffectInfo;
@@ -130,8 +129,8 @@ fn summary(diagnosis: &Diagnosis) -> String {
 
 fn tiles(diagnosis: &Diagnosis) -> Vec<Tile> {
     let error = |name: &str, scores: [Score; 2]| {
-        let [before, after] = scores.map(|score| quantity(score.position_rms, "m"));
-        Tile::new(name, after, format!("{before} before; noise {}", quantity(diagnosis.noise[0], "m")))
+        let [before, after] = scores.map(|score| shown(score.position_rms, "m"));
+        Tile::new(name, after, format!("{before} before; noise {}", shown(diagnosis.noise[0], "m")))
     };
     let mut tiles: Vec<Tile> = diagnosis
         .faults
@@ -139,7 +138,7 @@ fn tiles(diagnosis: &Diagnosis) -> Vec<Tile> {
         .zip(&diagnosis.before.estimates)
         .map(|(fault, before)| {
             let info = fault.estimate.parameter.info();
-            let q = |value| quantity(value, info.unit);
+            let q = |value| shown(value, info.unit);
             let [low, high] = fault.estimate.ci95;
             Tile::new(
                 info.description,
@@ -160,7 +159,7 @@ fn found(diagnosis: &Diagnosis, result: &Value) -> Markup {
         .flat_map(|found| {
             found.estimates.iter().map(move |estimate| {
                 let info = estimate.parameter.info();
-                let q = |value| quantity(value, info.unit);
+                let q = |value| shown(value, info.unit);
                 vec![
                     if found.named {
                         found.effect.name.to_owned()
@@ -226,7 +225,7 @@ fn errors(diagnosis: &Diagnosis) -> Markup {
         name: name.to_owned(),
         role,
         shape: Shape::Bar(value),
-        text: quantity(value, "m"),
+        text: shown(value, "m"),
     };
     let mut rows = Vec::new();
     for (name, [before, after]) in groups {
@@ -257,7 +256,7 @@ fn faults(diagnosis: &Diagnosis) -> Markup {
         .zip(&before)
         .map(|(fault, before)| {
             let info = fault.estimate.parameter.info();
-            let q = |value| quantity(value, info.unit);
+            let q = |value| shown(value, info.unit);
             vec![
                 info.name.to_owned(),
                 q(before.value),

@@ -2,11 +2,10 @@
 
 use super::plot::{CLASSES, Layer, Plot, Role};
 use super::rows::{Row, Rows, Shape};
-use super::scale::Axis;
+use super::scale::{Axis, shown};
 use super::statistics::{autocorrelation, cross_correlation, motion, present, spectrum};
 use super::surface::Surface;
 use crate::fit::{Estimate, Fit, Prepared, Visit};
-use crate::output::quantity;
 use crate::record::Record;
 use eha_monitor::channel::Channel;
 use eha_monitor::model::state::Outputs;
@@ -115,7 +114,7 @@ pub(super) fn record(compared: &Compared<'_>, channel: usize, noise: f64) -> Mar
         ramp: None,
         note: format!(
             "Measured minus predicted. Shaded: 95 % of white noise of {}.",
-            quantity(noise, info.unit)
+            shown(noise, info.unit)
         ),
         x,
         y: Axis::around("residual", info.unit, heights(&layers)),
@@ -306,7 +305,7 @@ fn follows(
 }
 
 /// Best and worst of the population over the generations, and what the finishes made of it.
-pub(super) fn convergence(visits: &[Visit], population: usize) -> Markup {
+pub(super) fn convergence(visits: &[Visit], population: usize, wide: bool) -> Markup {
     let children = || visits.iter().filter(|visit| !visit.finish);
     let mut evaluation = 0.0;
     let (mut best, mut area, mut finishes) = (Vec::new(), Vec::new(), Vec::new());
@@ -331,7 +330,7 @@ pub(super) fn convergence(visits: &[Visit], population: usize) -> Markup {
         x: Axis::between("generation", "1", 0.0, last.max(1.0)),
         y: Axis::decades("residual over noise, rms", "1", heights(&layers)),
         layers,
-        wide: false,
+        wide,
     }
     .figure()
 }
@@ -438,7 +437,7 @@ pub(super) fn estimates(fits: &[(Role, &str, Vec<&Estimate>)]) -> Markup {
                     name: (*name).to_owned(),
                     role: *role,
                     shape: Shape::Point(found.value, found.ci95),
-                    text: quantity(found.value, info.unit),
+                    text: shown(found.value, info.unit),
                 })
             })
             .collect();

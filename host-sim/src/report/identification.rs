@@ -3,9 +3,10 @@
 use super::figures::{self, Compared};
 use super::page::{Page, Tile, remarks, table};
 use super::plot::Role;
+use super::scale::shown;
 use super::surface::Surface;
 use crate::fit::{Estimate, Fit, NoiseSource, Prepared};
-use crate::output::{self, quantity};
+use crate::output;
 use crate::record::Record;
 use crate::rig::{Range, Rig};
 use eha_monitor::channel::Channel;
@@ -56,8 +57,8 @@ pub(crate) fn identification(result: &Identified<'_>) -> String {
     let mut tiles: Vec<Tile> = fit.estimates.iter().map(estimate_tile).collect();
     tiles.push(Tile::new(
         "residual of the position",
-        quantity(fit.position_rms(), "m"),
-        format!("noise {}", quantity(fit.noise[0], "m")),
+        shown(fit.position_rms(), "m"),
+        format!("noise {}", shown(fit.noise[0], "m")),
     ));
     tiles.push(Tile::new(
         "search",
@@ -112,7 +113,7 @@ pub(super) fn search(
         _ => None,
     };
     html! {
-        (figures::convergence(&fit.visits, population))
+        (figures::convergence(&fit.visits, population, pair.is_some()))
         @if let Some((ranges, estimates)) = pair {
             @let visits: Vec<[f64; 2]> =
                 fit.visits.iter().filter_map(|visit| Some([*visit.values.first()?, *visit.values.get(1)?])).collect();
@@ -145,7 +146,7 @@ fn near(ranges: [Range; 2], estimates: [&Estimate; 2]) -> Option<[Range; 2]> {
 
 pub(super) fn estimate_tile(estimate: &Estimate) -> Tile {
     let info = estimate.parameter.info();
-    let q = |value| quantity(value, info.unit);
+    let q = |value| shown(value, info.unit);
     Tile::new(
         info.description,
         q(estimate.value),
@@ -158,7 +159,7 @@ pub(super) fn estimate_table(estimates: &[Estimate]) -> Markup {
         .iter()
         .map(|estimate| {
             let info = estimate.parameter.info();
-            let q = |value| quantity(value, info.unit);
+            let q = |value| shown(value, info.unit);
             vec![
                 info.name.to_owned(),
                 info.symbol.to_owned(),
@@ -180,8 +181,8 @@ fn noise_table(fit: &Fit, source: &[NoiseSource]) -> Markup {
             let from = if source.get(index) == Some(&NoiseSource::Rig) { "rig" } else { "record" };
             Some(vec![
                 info.column.to_owned(),
-                quantity(rms, info.unit),
-                quantity(fit.noise[index], info.unit),
+                shown(rms, info.unit),
+                shown(fit.noise[index], info.unit),
                 from.to_owned(),
             ])
         })

@@ -124,6 +124,9 @@ fn in_words(value: &Value) -> String {
             entries.iter().map(in_words).collect::<Vec<_>>().join(separator)
         }
         Value::Object(members) if members.is_empty() => "none".to_owned(),
+        Value::Object(members) if members.contains_key("lower") && members.contains_key("upper") => {
+            format!("{} {} to {}", in_words(&value["name"]), value["lower"], value["upper"])
+        }
         Value::Object(members) => members
             .iter()
             .map(|(name, value)| format!("{name} = {}", in_words(value)))

@@ -65,6 +65,14 @@ pub(crate) fn reproduction(cases: &[Reproduced], portraits: &[Portrait], result:
         ));
     }
     let seconds = result["seconds"].as_f64().unwrap_or(f64::NAN);
+    let mut tiles = vec![tile("mean error of the source", 0)];
+    if cases.iter().any(|case| case.after.is_some()) {
+        tiles.extend([tile("ours before", 1), tile("ours after", 2)]);
+    } else {
+        tiles.push(tile("ours", 1));
+    }
+    let detail = "the source: 3532 to 10208 s for one";
+    tiles.push(Tile::new("time, all cases", format!("{seconds:.2} s"), detail));
     Page {
         title: "The source's twelve cases",
         badge: None,
@@ -76,37 +84,40 @@ pub(crate) fn reproduction(cases: &[Reproduced], portraits: &[Portrait], result:
                 effects.join(", ")
             )
         },
-        tiles: vec![
-            tile("mean error of the source", 0),
-            tile("ours before", 1),
-            tile("ours after", 2),
-            Tile::new("time, all cases", format!("{seconds:.2} s"), "the source: 3532 to 10208 s for one"),
-        ],
+        tiles,
         sections,
         config: &result["config"],
     }
     .render()
 }
 
+/// Errors below this are all the same to a reader, percent.
+const LEAST: f64 = 1e-4;
+
 fn percent(value: f64) -> String {
-    if value >= 10.0 {
-        format!("{value:.0}")
-    } else {
-        format!("{value:.2e}").replace("e0", "").replace('-', "−")
+    match value {
+        _ if value < LEAST => format!("below {LEAST}"),
+        _ if value >= 10.0 => format!("{value:.0}"),
+        _ if value >= 0.1 => format!("{value:.2}"),
+        _ => format!("{value:.4}"),
     }
 }
 
 fn bars(cases: &[Reproduced]) -> Markup {
-    let roles = [(Role::Measured, "source"), (Role::Before, "before"), (Role::After, "after")];
+    let closed = cases.iter().any(|case| case.after.is_some());
+    let mut roles = vec![(Role::Measured, "source"), (Role::Before, if closed { "before" } else { "ours" })];
+    if closed {
+        roles.push((Role::After, "after"));
+    }
     let mut rows = Vec::new();
     for case in cases {
         let mut name = format!("{} {}", case.case.number, case.case.command);
-        for (error, (role, _)) in case.errors().into_iter().zip(roles) {
+        for (error, &(role, _)) in case.errors().into_iter().zip(&roles) {
             let Some(error) = error else { continue };
             rows.push(Row {
                 name: std::mem::take(&mut name),
                 role,
-                shape: Shape::Bar(error),
+                shape: Shape::Bar(error.max(LEAST)),
                 text: format!("{} %", percent(error)),
             });
         }
@@ -116,7 +127,7 @@ fn bars(cases: &[Reproduced]) -> Markup {
     });
     Rows {
         title: "Mean error of both faults, by case".to_owned(),
-        legend: roles.map(|(role, name)| (role, name.to_owned())).to_vec(),
+        legend: roles.iter().map(|&(role, name)| (role, name.to_owned())).collect(),
         note: "Logarithmic. Mean of the magnitudes of both relative errors, as the source counts them."
             .to_owned(),
         axis: Axis::decades("mean error", "%", ends),

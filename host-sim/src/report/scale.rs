@@ -1,5 +1,7 @@
 //! Axes: from a quantity to its place, ticks at round numbers, units that read well.
 
+use crate::output::quantity;
+
 /// How values are spread along an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Scale {
@@ -34,6 +36,11 @@ pub(super) fn shown_unit(unit: &str, largest: f64) -> (f64, &str) {
         "1" => (1.0, ""),
         other => (1.0, other),
     }
+}
+
+/// A quantity in words, as the tables of the terminal have it, in the typography of a page.
+pub(super) fn shown(value: f64, unit: &str) -> String {
+    quantity(value, unit).replace(" um", " µm").replace('-', "−")
 }
 
 impl Axis {
@@ -145,9 +152,9 @@ fn log_ticks(low: f64, high: f64, count: usize) -> Vec<(f64, String)> {
     values.into_iter().map(|value| (value, plain(value))).collect()
 }
 
-/// A round number without noise digits: plain from 0.001 to 100000, else as a power of ten.
+/// A round number without noise digits: plain from 0.0001 to 100000, else as a power of ten.
 fn plain(value: f64) -> String {
-    if (1e-3..1e5).contains(&value) {
+    if (1e-4..1e5).contains(&value) {
         let decimals = (-value.log10().floor()).max(0.0) as usize;
         return format!("{value:.decimals$}");
     }

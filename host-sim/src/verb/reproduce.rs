@@ -83,7 +83,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         .collect();
     let result = json!({
         "schema": SCHEMA, "cases": cases, "added_effects": effects, "findings": findings_json, "seconds": seconds, "seed": common.seed,
-        "config": { "version": env!("CARGO_PKG_VERSION"), "data": if options.lf_data { "lf" } else { "hf" },
+        "config": { "version": env!("CARGO_PKG_VERSION"), "seed": common.seed, "data": if options.lf_data { "lf" } else { "hf" },
                     "samples": SAMPLES, "plant_step_s": PLANT_STEP, "channels": ["lvdt_m", "current_mA"] },
     });
     if let Some(path) = output::out_path(common, "reproduce.json") {
