@@ -44,10 +44,10 @@ pub fn log(common: &Common, line: &str) {
 }
 
 /// An empty table; columns from the second on are aligned to the right.
-pub fn table<const COLUMNS: usize>(header: [&str; COLUMNS]) -> Table {
+pub fn table<Header: AsRef<[Name]>, Name: ToString>(header: Header) -> Table {
     let mut table = Table::new();
     table.load_style(presets::ASCII_MARKDOWN).set_content_arrangement(ContentArrangement::Disabled);
-    table.set_header(header);
+    table.set_header(header.as_ref().iter().map(Name::to_string));
     for column in table.column_iter_mut().skip(1) {
         column.set_cell_alignment(CellAlignment::Right);
     }

@@ -5,7 +5,7 @@ mod noise;
 mod polish;
 mod prepare;
 
-pub use noise::{NoiseSource, correlation_time, estimate, residual_series};
+pub use noise::{NoiseSource, correlation_time, estimate, quantum, residual_series};
 pub use polish::{Polished, foresee, polish};
 pub use prepare::{Prepared, prepare};
 

@@ -1,6 +1,6 @@
 //! `diagnose`: what does the model lack?
 
-use super::DEFAULT_RIG;
+use super::{DEFAULT_RIG, InputOptions};
 use crate::cli::Common;
 use crate::diagnose::{Case, Diagnosis, Score, Verdict, diagnose};
 use crate::failure::Failure;
@@ -9,6 +9,7 @@ use crate::output::{self, SCHEMA};
 use crate::record::Record;
 use crate::report::{self, Diagnosed};
 use crate::rig::{self, Rig};
+use crate::trace::Trace;
 use eha_monitor::channel::Channel;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -19,14 +20,20 @@ use std::time::Instant;
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
     /// Records to fit, together.
-    #[arg(required = true, value_name = "REC.csv")]
+    #[arg(required = true, value_name = "REC")]
     records: Vec<PathBuf>,
     /// Record that is only predicted, to validate what was found; best with another command.
-    #[arg(long, value_name = "REC.csv")]
+    #[arg(long, value_name = "REC")]
     holdout: Vec<PathBuf>,
+    #[command(flatten)]
+    input: InputOptions,
     /// Where to write the final model's prediction of the (first) held-out record.
     #[arg(long, value_name = "FILE.csv", requires = "holdout")]
     prediction: Option<PathBuf>,
+    /// Where to write what was measured, predicted and left of the fitted records, sample by sample (CSV, or Parquet if
+    /// it ends so); `trace.csv` in the directory of `--out` by default.
+    #[arg(long, value_name = "FILE.csv|.parquet")]
+    trace: Option<PathBuf>,
 }
 
 /// Runs the verb.
@@ -35,13 +42,14 @@ pub struct Options {
 /// Usage or bad data.
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let rig = super::rig(common, DEFAULT_RIG)?;
-    let train = super::read_records(common, &options.records)?;
-    let holdout = super::read_records(common, &options.holdout)?;
+    let train = options.input.read(common, &options.records)?;
+    let holdout = options.input.read(common, &options.holdout)?;
     let names =
         options.records.iter().chain(&options.holdout).map(|path| path.display().to_string()).collect();
     let job = Job { common, rig, train, holdout, names };
     let (diagnosis, result) = job.run()?;
     job.save(&diagnosis, &result, options.prediction.as_deref())?;
+    super::save_trace(common, options.trace.as_deref(), || job.trace(&diagnosis))?;
     if common.json {
         output::print_json(&result)
     } else {
@@ -184,6 +192,15 @@ impl Job<'_> {
             output::write_file(path, text.as_bytes())?;
         }
         Ok(())
+    }
+
+    /// The fitted records against the model before and after.
+    fn trace(&self, diagnosis: &Diagnosis) -> Trace {
+        let prepared: Vec<Prepared> =
+            self.train.iter().map(|record| fit::prepare(&self.rig, record, diagnosis.noise[0])).collect();
+        let models: [(&str, &[_]); 2] =
+            [("before", &diagnosis.before.predictions), ("after", &diagnosis.predictions)];
+        Trace::new(&self.train, &prepared, &models)
     }
 
     pub(super) fn text(&self, diagnosis: &Diagnosis, result: &Value) -> String {

@@ -1,11 +1,12 @@
 //! `identify`: the declared faults from records.
 
-use super::{DEFAULT_RIG, FitOptions, Fitted, converged, fit_records};
+use super::{DEFAULT_RIG, FitOptions, Fitted, converged, fit_records, save_trace};
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::fit::Fit;
 use crate::output::{self, SCHEMA};
 use crate::report::{self, Identified};
+use crate::trace::Trace;
 use serde_json::{Value, json};
 
 /// Options of `identify`.
@@ -39,6 +40,9 @@ pub(super) fn save(
     file: &str,
     title: &str,
 ) -> Result<(), Failure> {
+    save_trace(common, fitted.trace.as_deref(), || {
+        Trace::new(&fitted.records, &fitted.prepared, &[("model", &fitted.fit.predictions)])
+    })?;
     let Some(path) = output::out_path(common, file) else { return Ok(()) };
     output::write_file(&path, serde_json::to_string_pretty(result).map_err(Failure::other)?.as_bytes())?;
     output::log(common, &format!("wrote {}", path.display()));

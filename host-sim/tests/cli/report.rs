@@ -83,16 +83,7 @@ fn browser() -> bool {
 fn make_pages(bench: &Bench) -> [&'static str; 4] {
     bench.noisy_record();
     bench.run(&["identify", "record.csv", "--out", "identify"]).done();
-    let long = [
-        "--model",
-        "lf",
-        "--duration",
-        "60",
-        "--command",
-        "sine",
-        "--noise",
-        "lvdt_m=5e-6",
-    ];
+    let long = ["--model", "lf", "--duration", "60", "--command", "sine", "--noise", "lvdt_m=5e-6"];
     bench.simulate(
         "long.csv",
         &[&long[..], &["--frequency", "0.7", "--channels", "lvdt_m", "--dropout", "0.01"]].concat(),
