@@ -65,4 +65,8 @@ pub(crate) enum Verb {
     Rigs(verb::lists::RigsOptions),
     /// Convert a MAT (v5, v7.3), Parquet or foreign CSV file to a record.
     Import(verb::import::Options),
+    /// Completions for a shell: `host-sim completions bash > /etc/bash_completion.d/host-sim`.
+    Completions(verb::shell::CompletionsOptions),
+    /// The manual page of the program or a verb; with `--out DIR`, all of them as files.
+    Man(verb::shell::ManOptions),
 }

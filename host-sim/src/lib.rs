@@ -14,6 +14,7 @@ pub mod emulator;
 pub mod failure;
 pub mod fit;
 pub mod inspect;
+pub mod interrupt;
 pub mod output;
 pub mod plant;
 pub mod record;
@@ -52,5 +53,7 @@ pub fn run(cli: &Cli) -> Result<(), Failure> {
         Verb::Commands => verb::lists::commands(common),
         Verb::Rigs(options) => verb::lists::rigs(common, options),
         Verb::Import(options) => verb::import::run(common, options),
+        Verb::Completions(options) => verb::shell::completions(options),
+        Verb::Man(options) => verb::shell::man(common, options),
     }
 }

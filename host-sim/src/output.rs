@@ -36,10 +36,17 @@ pub fn print_json(value: &Value) -> Result<(), Failure> {
     print(&serde_json::to_string_pretty(value).map_err(Failure::other)?)
 }
 
+/// Style of the word `warning` on a terminal.
+const WARNING: anstyle::Style =
+    anstyle::Style::new().bold().fg_color(Some(anstyle::Color::Ansi(anstyle::AnsiColor::Yellow)));
+
 /// Logs a line to stderr unless the user asked for quiet.
 pub fn log(common: &Common, line: &str) {
     if !common.quiet {
-        eprintln!("{line}");
+        match line.split_once("warning: ") {
+            Some(("", rest)) => anstream::eprintln!("{WARNING}warning:{WARNING:#} {rest}"),
+            _ => anstream::eprintln!("{line}"),
+        }
     }
 }
 
@@ -68,7 +75,10 @@ pub fn bar(common: &Common, length: u64, what: &str) -> ProgressBar {
 pub fn show_standing(bar: &ProgressBar, standing: Standing) {
     bar.set_length(u64::from(standing.budget));
     bar.set_position(u64::from(standing.evaluations.min(standing.budget)));
-    bar.set_message(format!("generation {}, best {:.3} sigma", standing.generations, standing.best_sigma));
+    bar.set_message(format!(
+        "generation {}, best {:.3} times the noise,",
+        standing.generations, standing.best_sigma
+    ));
 }
 
 /// Writes a file whole or not at all.
@@ -217,12 +227,17 @@ pub fn residual_table(fit: &Fit, source: &[NoiseSource]) -> Table {
 }
 
 /// Why a search ended, in words.
-pub fn stop_words(stop: StopReason) -> &'static str {
+fn stop_words(stop: StopReason) -> &'static str {
     match stop {
         StopReason::NoiseReached => "noise-reached",
         StopReason::Settled => "settled",
         StopReason::Budget => "budget",
     }
+}
+
+/// Why a fit ended, in words.
+pub fn end_words(fit: &Fit) -> &'static str {
+    if fit.interrupted { "interrupted" } else { stop_words(fit.stop) }
 }
 
 /// Strong correlations of the estimates, in words.

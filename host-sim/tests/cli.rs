@@ -2,12 +2,16 @@
 
 mod cli {
     mod bad_records;
+    mod check;
+    mod data;
     mod harness;
     mod identify;
+    mod interrupt;
     mod json;
     mod measured;
     mod report;
     mod reproduce;
+    mod shell;
     mod simulate;
     mod streams;
     mod usage;

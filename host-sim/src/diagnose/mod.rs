@@ -18,6 +18,7 @@ pub mod candidate;
 pub mod residual;
 
 use crate::fit::{self, Estimate, Fit, FitSettings, Polished, Prepared};
+use crate::interrupt;
 use crate::rig::{Range, Rig};
 use candidate::{Candidate, Prospect};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
@@ -171,6 +172,9 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f
     let mut best = root.clone();
     let mut beam = vec![root];
     for stage in 0..MOST_EFFECTS {
+        if interrupt::requested() {
+            break;
+        }
         let label = format!("trying effects, round {}", stage + 1);
         let mut grown: Vec<Hypothesis> = Vec::new();
         for (index, hypothesis) in beam.iter_mut().enumerate() {
@@ -247,7 +251,7 @@ impl Hypothesis {
         let (rig, ranges) = (&self.rig, &self.ranges);
         self.prospects = EFFECTS
             .par_iter()
-            .filter(|effect| candidate::applies(effect, rig, ranges))
+            .filter(|effect| !interrupt::requested() && candidate::applies(effect, rig, ranges))
             .filter_map(|effect| candidate::look(effect, rig, ranges, case.train, case.noise))
             .collect();
     }
@@ -264,6 +268,7 @@ impl Hypothesis {
         promising.truncate(MOST_FITTED);
         let mut candidates: Vec<Candidate> = promising
             .par_iter()
+            .filter(|_| !interrupt::requested())
             .filter_map(|prospect| prospect.fit(&self.rig, case.train, case.noise))
             .collect();
         candidates.sort_by(|a, b| a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square));

@@ -9,6 +9,7 @@ pub use noise::{NoiseSource, correlation_time, estimate, quantum, residual_serie
 pub use polish::{Polished, foresee, polish};
 pub use prepare::{Prepared, prepare};
 
+use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::identify::{self, Identification, Progress, StopReason};
@@ -97,6 +98,8 @@ pub struct Fit {
     pub seconds_per_generation: f64,
     /// Why the search ended.
     pub stop: StopReason,
+    /// Did the user end the search before its end?
+    pub interrupted: bool,
     /// Every child and every finish of the search, in their order.
     pub visits: Vec<Visit>,
     /// What the covariance of white noise was multiplied by, because the residual is not noise.
@@ -196,7 +199,12 @@ fn search<S: Stepper<f64>>(
         Identification::<f64, MAX_FREE, MAX_POPULATION>::new(problem, core_settings, settings.seed);
     let mut visits = Vec::new();
     let mut searching = 0.0;
+    let mut interrupted = false;
     let stop = loop {
+        if interrupt::requested() && !visits.is_empty() {
+            interrupted = true;
+            break StopReason::Budget;
+        }
         let before = started.elapsed().as_secs_f64();
         let progress = identification.advance(problem, steppers);
         let best = identification.search().best().map_or(f64::INFINITY, |(_, cost)| cost);
@@ -213,10 +221,13 @@ fn search<S: Stepper<f64>>(
             best_sigma: best.sqrt(),
         });
     };
-    let genes = identification.result().map_or([0.0; MAX_FREE], |finish| finish.genes);
+    let best = identification.search().best().map_or([0.0; MAX_FREE], |(genes, _)| *genes);
+    let genes = identification.result().map_or(best, |finish| finish.genes);
     let covariance = identification.result().and_then(|finish| finish.normal.covariance());
-    let misfit =
-        identification.result().map_or(Misfit { chi_square: 0.0, count: 0 }, |finish| finish.normal.misfit);
+    let misfit = match identification.result() {
+        Some(finish) => finish.normal.misfit,
+        None => problem.misfit(&genes, &mut steppers[0]),
+    };
     let predictions = engine::trace(problem, &genes, &mut steppers[0]);
     let inflation = if stop == StopReason::NoiseReached {
         1.0
@@ -259,6 +270,7 @@ fn search<S: Stepper<f64>>(
         seconds: started.elapsed().as_secs_f64(),
         seconds_per_generation: searching / f64::from(children) * settings.population as f64,
         stop,
+        interrupted,
         visits,
         inflation,
     }

@@ -44,8 +44,21 @@ pub struct Trial {
     pub amplitude: f64,
     /// Its duration, s.
     pub duration_s: f64,
+    /// Share of the samples in which the current is at its limit: there, sensitivities are large on paper and hang on
+    /// the details of the limit.
+    pub saturated_share: f64,
     /// Standard error of each parameter.
     pub standard_errors: Vec<f64>,
+}
+
+/// Share of samples at the limit of the current up to which a command is recommended.
+const SATURATION: f64 = 0.01;
+
+impl Trial {
+    /// Does it keep the current at its limit for more than a moment?
+    pub fn saturates(&self) -> bool {
+        self.saturated_share > SATURATION
+    }
 }
 
 /// What is asked: which parameters, where, with which noise.
@@ -82,8 +95,8 @@ impl Question<'_> {
             .collect()
     }
 
-    /// What the built-in commands promise with the channels of a record, for as long as it, best first; none for a rig
-    /// that follows no command.
+    /// What the built-in commands promise with the channels of a record, for as long as it, best first, but those that
+    /// keep the current at its limit last; none for a rig that follows no command.
     pub fn of_commands(&self, record: &Record) -> Vec<Trial> {
         if self.rig.form.drive == Drive::Force {
             return Vec::new();
@@ -117,10 +130,17 @@ impl Question<'_> {
                 let prepared = fit::prepare(self.rig, &record, self.noise_used()[0]);
                 let full = self.imagined(&prepared, &record)?;
                 let standard_errors = self.standard_errors(&full, &set);
-                Some(Trial { command: info, amplitude, duration_s, standard_errors })
+                let limit = 0.999 * self.rig.parameters.current_limit;
+                let current = full.measured(2);
+                let saturated = current.iter().filter(|value| value.abs() >= limit).count();
+                let saturated_share = saturated as f64 / current.len().max(1) as f64;
+                Some(Trial { command: info, amplitude, duration_s, saturated_share, standard_errors })
             })
             .collect();
-        found.sort_by(|a, b| self.badness(&a.standard_errors).total_cmp(&self.badness(&b.standard_errors)));
+        found.sort_by(|a, b| {
+            let badness = |trial: &Trial| self.badness(&trial.standard_errors);
+            a.saturates().cmp(&b.saturates()).then(badness(a).total_cmp(&badness(b)))
+        });
         found
     }
 

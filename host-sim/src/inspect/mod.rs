@@ -63,6 +63,8 @@ pub struct Facts {
 const SATURATED: f64 = 0.01;
 /// Longest delay of the position that is looked for, s.
 const LONGEST_DELAY_S: f64 = 0.5;
+/// Difference of correlations that does not count.
+const ABOUT_AS_HIGH: f64 = 0.02;
 /// Time over which a speed is taken, s.
 const SPEED_S: f64 = 0.01;
 
@@ -115,7 +117,13 @@ fn response(command: &[f64], position: &[f64], period: f64) -> Option<Response> 
     }
     let most = ((LONGEST_DELAY_S / period) as usize).min(position.len() / 4);
     let likeness: Vec<f64> = (0..=most).map(|delay| correlation(&position[delay..], command)).collect();
-    let best = (0..=most).max_by(|&a, &b| likeness[a].total_cmp(&likeness[b]))?;
+    let highest = likeness.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    // Of a periodic command every period is as good: the first top that is about as high.
+    let is_top = |&delay: &usize| {
+        let next = likeness.get(delay + 1).copied().unwrap_or(f64::NEG_INFINITY);
+        likeness[delay] >= next && likeness[delay] > highest - ABOUT_AS_HIGH
+    };
+    let best = (0..=most).find(is_top)?;
     // The top of the parabola through the best delay and its neighbours.
     let shift = match (best.checked_sub(1).map(|before| likeness[before]), likeness.get(best + 1)) {
         (Some(before), Some(after)) if before + after < 2.0 * likeness[best] => {

@@ -67,7 +67,7 @@ pub(crate) fn identification(result: &Identified<'_>) -> String {
             "{} generations, {:.2} ms each; {}; {:.3} s",
             fit.generations,
             fit.seconds_per_generation * 1e3,
-            output::stop_words(fit.stop),
+            output::end_words(fit),
             fit.seconds
         ),
     ));
@@ -112,17 +112,22 @@ pub(super) fn search(
         ([first, second, ..], [one, other, ..]) => Some(([*first, *second], [one, other])),
         _ => None,
     };
+    let visits: Vec<[f64; 2]> =
+        fit.visits.iter().filter_map(|visit| Some([*visit.values.first()?, *visit.values.get(1)?])).collect();
+    let surfaces = pair.filter(|_| !fit.interrupted).and_then(|(ranges, estimates)| {
+        let whole = Surface::over(ranges, rig, fit, prepared)?;
+        let near = near(ranges, estimates).and_then(|near| Surface::over(near, rig, fit, prepared));
+        Some((estimates, whole, near))
+    });
     html! {
-        (figures::convergence(&fit.visits, population, pair.is_some()))
-        @if let Some((ranges, estimates)) = pair {
-            @let visits: Vec<[f64; 2]> =
-                fit.visits.iter().filter_map(|visit| Some([*visit.values.first()?, *visit.values.get(1)?])).collect();
-            (figures::whole_surface(&Surface::over(ranges, rig, fit, prepared), estimates, &visits))
-            @if let Some(near) = near(ranges, estimates) {
-                (figures::near_surface(
-                    &Surface::over(near, rig, fit, prepared), estimates, fit.correlation[0][1], fit.inflation
-                ))
+        (figures::convergence(&fit.visits, population, surfaces.is_some()))
+        @if let Some((estimates, whole, near)) = &surfaces {
+            (figures::whole_surface(whole, *estimates, &visits))
+            @if let Some(near) = near {
+                (figures::near_surface(near, *estimates, fit.correlation[0][1], fit.inflation))
             }
+        } @else if pair.is_some() {
+            p.note { "The cost over the faults is not drawn: these records are too long for it, or the search was interrupted." }
         }
     }
 }

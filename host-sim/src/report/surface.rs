@@ -10,6 +10,8 @@ use rayon::prelude::*;
 /// Samples that a surface may simulate with exact steps, and with the midpoint rule, which is 30 times slower.
 const EXACT_SAMPLES: usize = 2_000_000;
 const MIDPOINT_SAMPLES: usize = 100_000;
+/// How many times as many the coarsest surface may take before it is left out.
+const TOO_LONG: usize = 4;
 /// Cells along a side, at least and at most.
 const CELLS: [usize; 2] = [9, 41];
 
@@ -27,13 +29,16 @@ pub(super) struct Surface {
 }
 
 impl Surface {
-    /// The surface over two ranges around a fit.
-    pub(super) fn over(ranges: [Range; 2], rig: &Rig, fit: &Fit, records: &[Prepared]) -> Self {
+    /// The surface over two ranges around a fit; none where it would take too long.
+    pub(super) fn over(ranges: [Range; 2], rig: &Rig, fit: &Fit, records: &[Prepared]) -> Option<Self> {
         let rig = Rig { parameters: fit.parameters, ..rig.clone() };
         let samples: usize = records.iter().map(Prepared::len).sum();
         let engine = on_records(&rig, &ranges, records, fit.noise, FIT_STEP, Which);
         let most = if engine == Engine::Midpoint { MIDPOINT_SAMPLES } else { EXACT_SAMPLES };
         let side = ((most as f64 / samples.max(1) as f64).sqrt() as usize).clamp(CELLS[0], CELLS[1]);
+        if side * side * samples > TOO_LONG * most {
+            return None;
+        }
         let rows: Vec<Vec<(f64, u32)>> = (0..side)
             .into_par_iter()
             .map(|row| on_records(&rig, &ranges, records, fit.noise, FIT_STEP, Line { row, side }))
@@ -41,12 +46,12 @@ impl Surface {
         let edges = |range: &Range| -> Vec<f64> {
             (0..=side).map(|k| range.lower + (range.upper - range.lower) * k as f64 / side as f64).collect()
         };
-        Self {
+        Some(Self {
             columns: edges(&ranges[0]),
             rows: edges(&ranges[1]),
             count: rows[0][0].1,
             chi_square: rows.into_iter().map(|row| row.into_iter().map(|cell| cell.0).collect()).collect(),
-        }
+        })
     }
 
     /// Smallest and largest finite value.

@@ -72,7 +72,10 @@ fn look(rig: &Rig, ranges: &[Range], record: Record) -> Checked {
     let own =
         promises.iter().filter(|promise| promise.recorded).map(|p| question.badness(&p.standard_errors));
     let own = own.fold(f64::INFINITY, f64::min);
-    let best_gain = trials.first().map(|best| (own - question.badness(&best.standard_errors)).exp());
+    let best_gain = trials
+        .first()
+        .filter(|best| !best.saturates())
+        .map(|best| (own - question.badness(&best.standard_errors)).exp());
     Checked { facts: facts(&record, &noise), promises, trials, best_gain, record }
 }
 
@@ -135,7 +138,7 @@ fn json(common: &Common, rig: &Rig, ranges: &[Range], checked: &[Checked]) -> Va
                 .map(|trial| {
                     json!({
                         "command": trial.command.name, "amplitude": trial.amplitude,
-                        "amplitude_unit": amplitude_unit(trial), "duration_s": trial.duration_s,
+                        "amplitude_unit": amplitude_unit(trial), "duration_s": trial.duration_s, "saturated_share": trial.saturated_share,
                         "faults": errors_json(ranges, &trial.standard_errors),
                     })
                 })
@@ -228,7 +231,7 @@ fn print(ranges: &[Range], one: &Checked) -> Result<(), Failure> {
         return Ok(());
     }
     output::print("\nbuilt-in commands of the same length, with the channels of the record, best first:")?;
-    header.splice(0..2, ["command".to_owned(), "amplitude".to_owned()]);
+    header.splice(0..2, ["command".to_owned(), "amplitude".to_owned(), "current at its limit".to_owned()]);
     let mut table = output::table(&header);
     for trial in one.trials.iter().take(SHOWN) {
         let amplitude = if trial.amplitude > 0.0 {
@@ -236,7 +239,8 @@ fn print(ranges: &[Range], one: &Checked) -> Result<(), Failure> {
         } else {
             "-".to_owned()
         };
-        table.add_row(row(vec![trial.command.name.to_owned(), amplitude], &trial.standard_errors));
+        let limit = format!("{:.1} %", trial.saturated_share * 100.0);
+        table.add_row(row(vec![trial.command.name.to_owned(), amplitude, limit], &trial.standard_errors));
     }
     output::print(&table.to_string())?;
     match (one.best_gain, one.trials.first()) {

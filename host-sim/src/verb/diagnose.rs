@@ -5,6 +5,7 @@ use crate::cli::Common;
 use crate::diagnose::{Case, Diagnosis, Score, Verdict, diagnose};
 use crate::failure::Failure;
 use crate::fit::{self, FitSettings, Prepared};
+use crate::interrupt;
 use crate::output::{self, SCHEMA};
 use crate::record::Record;
 use crate::report::{self, Diagnosed};
@@ -46,15 +47,17 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let holdout = options.input.read(common, &options.holdout)?;
     let names =
         options.records.iter().chain(&options.holdout).map(|path| path.display().to_string()).collect();
+    interrupt::watch()?;
     let job = Job { common, rig, train, holdout, names };
     let (diagnosis, result) = job.run()?;
     job.save(&diagnosis, &result, options.prediction.as_deref())?;
     super::save_trace(common, options.trace.as_deref(), || job.trace(&diagnosis))?;
     if common.json {
-        output::print_json(&result)
+        output::print_json(&result)?;
     } else {
-        output::print(job.text(&diagnosis, &result).trim_end())
+        output::print(job.text(&diagnosis, &result).trim_end())?;
     }
+    interrupt::check()
 }
 
 /// A diagnosis of records that were read.
@@ -295,6 +298,9 @@ impl Job<'_> {
 
 fn warnings(diagnosis: &Diagnosis) -> Vec<String> {
     let mut warnings = Vec::new();
+    if interrupt::requested() {
+        warnings.push("interrupted: effects that were not tried yet are not ruled out".to_owned());
+    }
     if diagnosis.holdout.is_none() && !diagnosis.found.is_empty() {
         warnings.push("no held-out record: what was found is not validated".to_owned());
     }

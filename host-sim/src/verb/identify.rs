@@ -66,6 +66,9 @@ pub(super) fn save(
 /// What the user should know of a fit.
 fn notes(fit: &Fit) -> Vec<String> {
     let mut notes = output::correlation_warnings(fit);
+    if fit.interrupted {
+        notes.push("interrupted: this is what was found so far, not the bottom of the search".to_owned());
+    }
     if fit.misfit.mean_square() > 2.0 {
         notes.push(format!(
             "the residual is {:.1} times the noise: the model lacks something; `diagnose` looks for it",
@@ -85,10 +88,10 @@ pub(super) fn json(common: &Common, fitted: &Fitted, list: &str) -> Value {
         "generations": fit.generations,
         "seconds": fit.seconds,
         "seconds_per_generation": fit.seconds_per_generation,
-        "stop": output::stop_words(fit.stop),
+        "stop": output::end_words(fit),
         "mean_square": output::number(fit.misfit.mean_square()),
         "correlation": fit.correlation.iter().map(|row| row.iter().map(|&c| output::number(c)).collect::<Vec<_>>()).collect::<Vec<_>>(),
-        "warnings": output::correlation_warnings(fit),
+        "warnings": notes(fit),
         "seed": common.seed,
         "config": output::config_json(common, &fitted.rig, &fitted.ranges, &fitted.names),
     });
@@ -109,7 +112,7 @@ pub(super) fn print(common: &Common, fitted: &Fitted) -> Result<(), Failure> {
         fit.generations,
         fit.seconds_per_generation * 1e3,
         fit.seconds,
-        output::stop_words(fit.stop),
+        output::end_words(fit),
         common.seed,
     ))?;
     output::print(&configuration(fitted))?;

@@ -8,11 +8,13 @@ pub mod identify;
 pub mod import;
 pub mod lists;
 pub mod reproduce;
+pub mod shell;
 pub mod simulate;
 
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::fit::{self, Fit, FitSettings, NoiseSource, Prepared};
+use crate::interrupt;
 use crate::output;
 use crate::record::{self, Mapping, ReadOptions, Record};
 use crate::rig::{BUILT_IN, Range, Rig, parameter_named};
@@ -167,6 +169,7 @@ fn fit_records(
     default_rig: &str,
     choose: impl FnOnce(&Rig) -> Vec<Range>,
 ) -> Result<Fitted, Failure> {
+    interrupt::watch()?;
     let rig = rig(common, default_rig)?;
     let ranges = with_bounds(&choose(&rig), &options.bounds)?;
     let records = options.input.read(common, &options.records)?;
@@ -203,8 +206,12 @@ fn save_trace(common: &Common, path: Option<&Path>, trace: impl FnOnce() -> Trac
     Ok(())
 }
 
-/// A search that used up its budget has not converged: its result is printed, and the exit code says so.
+/// A search that was interrupted or used up its budget has not converged: its result is printed, and the exit code says
+/// so.
 fn converged(fit: &Fit) -> Result<(), Failure> {
+    if fit.interrupted {
+        return interrupt::check();
+    }
     if fit.stop == StopReason::Budget {
         return Err(Failure::convergence(format!(
             "no convergence within {} evaluations; allow more with --budget, or narrow the --bounds",

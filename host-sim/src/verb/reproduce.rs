@@ -8,6 +8,7 @@ use super::diagnose::Job;
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::fit::{self, Fit, FitSettings};
+use crate::interrupt;
 use crate::output::{self, SCHEMA};
 use crate::plant::{self, Excitation, Sensing};
 use crate::record::Record;
@@ -54,12 +55,14 @@ pub struct Options {
 /// # Errors
 /// Stdout cannot be written.
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
+    interrupt::watch()?;
     let started = Instant::now();
     let monitor: Rig = (BUILT_IN[0].make)();
     let augmented = if options.lf_data { None } else { Some(closed_loop(common)?) };
     let bar = output::bar(common, CASES.len() as u64, "reproducing");
     let results: Vec<Outcome> = CASES
         .par_iter()
+        .filter(|_| !interrupt::requested())
         .map(|case| {
             let record = record(case.command, case.bkl, case.fdj, !options.lf_data)?;
             let before = identify(common.seed, case, &record, &monitor);
@@ -69,7 +72,13 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         })
         .collect::<Result<_, Failure>>()?;
     bar.finish_and_clear();
-    let findings = if options.cases_only { Vec::new() } else { findings(common.seed)? };
+    // A case that was cut short says nothing.
+    let whole = |outcome: &Outcome| {
+        !outcome.before.interrupted && outcome.after.as_ref().is_none_or(|fit| !fit.interrupted)
+    };
+    let results: Vec<Outcome> = results.into_iter().filter(whole).collect();
+    let findings =
+        if options.cases_only || interrupt::requested() { Vec::new() } else { findings(common.seed)? };
     let seconds = started.elapsed().as_secs_f64();
     let cases: Vec<Value> = results.iter().map(Outcome::json).collect();
     let effects: Vec<&str> =
@@ -96,7 +105,8 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         report::reproduction(&cases, &portraits, &result)
     })?;
     if common.json {
-        return output::print_json(&result);
+        output::print_json(&result)?;
+        return interrupt::check();
     }
     if let Some(rig) = &augmented {
         let names: Vec<&str> = rig.effects.iter().map(|effect| effect.name).collect();
@@ -109,7 +119,8 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     output::print(&format!(
         "total {seconds:.2} s (the source: 3532 to 10208 s for one case); seed {}",
         common.seed
-    ))
+    ))?;
+    interrupt::check()
 }
 
 /// Noise-free record of the source's actuator.
