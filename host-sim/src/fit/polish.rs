@@ -1,6 +1,6 @@
 //! A fit from given starts, without a global search: for a model that differs little from one that is fitted.
 
-use super::engine::{FIT_STEP, Job, LOOK_STEP, on_records};
+use super::engine::{FIT_TOLERANCE, Job, LOOK_TOLERANCE, on_records};
 use super::{MAX_FREE, Prepared};
 use crate::rig::{Range, Rig};
 use eha_monitor::fit::gauss_newton::{Normal, Settings, finish, normal_equations};
@@ -36,7 +36,26 @@ impl Polished {
     }
 }
 
-/// Goes to the bottom of the basin from each start and returns the lowest; none without a start.
+/// Steps from each of several starts before the best place goes on alone.
+const FIRST_STEPS: u32 = 3;
+/// Widest forward difference, in standard errors of the parameter: what is found with a wider one is fitted again in a
+/// narrower range. An effect can be a ten-thousandth of the range in which it is looked for.
+const WIDEST_DIFFERENCE: f64 = 0.5;
+/// Half width of that range, in standard errors.
+const NARROW: f64 = 50.0;
+
+/// A few steps towards the bottom of the basin from each start, with the rougher step of a look; the lowest place.
+pub fn approach(
+    rig: &Rig,
+    ranges: &[Range],
+    starts: &[Vec<f64>],
+    records: &[Prepared],
+    noise: [f64; 4],
+) -> Option<Polished> {
+    on_records(rig, ranges, records, noise, LOOK_TOLERANCE, Polish { starts, steps: FIRST_STEPS })
+}
+
+/// Goes to the bottom of the basin from the best of some starts; none without a start.
 pub fn polish(
     rig: &Rig,
     ranges: &[Range],
@@ -44,7 +63,34 @@ pub fn polish(
     records: &[Prepared],
     noise: [f64; 4],
 ) -> Option<Polished> {
-    on_records(rig, ranges, records, noise, FIT_STEP, Polish { starts })
+    let settings = Settings::<f64>::default();
+    let go = |ranges: &[Range], starts: &[Vec<f64>], steps| {
+        on_records(rig, ranges, records, noise, FIT_TOLERANCE, Polish { starts, steps })
+    };
+    let found = if starts.len() > 1 {
+        let first = go(ranges, starts, FIRST_STEPS)?;
+        go(ranges, &[first.values], settings.steps)?
+    } else {
+        go(ranges, starts, settings.steps)?
+    };
+    let narrow: Vec<Range> = ranges
+        .iter()
+        .enumerate()
+        .map(|(index, range)| {
+            let (value, error) = (found.values[index], found.standard_error(index));
+            let coarse = settings.difference * (range.upper - range.lower) > WIDEST_DIFFERENCE * error;
+            if coarse && error > 0.0 {
+                let (lower, upper) = (value - NARROW * error, value + NARROW * error);
+                Range { lower: lower.max(range.lower), upper: upper.min(range.upper), ..*range }
+            } else {
+                *range
+            }
+        })
+        .collect();
+    if narrow == ranges {
+        return Some(found);
+    }
+    go(&narrow, &[found.values], settings.steps)
 }
 
 /// What the linear model at each start foresees, without going there: one evaluation of the normal equations a start.
@@ -56,7 +102,7 @@ pub fn foresee(
     records: &[Prepared],
     noise: [f64; 4],
 ) -> Vec<Polished> {
-    on_records(rig, ranges, records, noise, LOOK_STEP, Foresee { starts })
+    on_records(rig, ranges, records, noise, LOOK_TOLERANCE, Foresee { starts })
 }
 
 type Genes = [f64; MAX_FREE];
@@ -113,13 +159,15 @@ impl Job for Foresee<'_> {
 
 struct Polish<'a> {
     starts: &'a [Vec<f64>],
+    /// Most steps from each.
+    steps: u32,
 }
 
 impl Job for Polish<'_> {
     type Output = Option<Polished>;
 
     fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Self::Output {
-        let settings = Settings { tolerance: 0.05, ..Settings::default() };
+        let settings = Settings { tolerance: 0.05, steps: self.steps, ..Settings::default() };
         let mut evaluations = 0;
         let mut finishes = Vec::new();
         for start in self.starts {

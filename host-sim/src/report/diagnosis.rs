@@ -180,18 +180,12 @@ fn found(diagnosis: &Diagnosis, result: &Value) -> Markup {
         .iter()
         .map(|found| format!("{}: {}", found.effect.name, found.effect.equation))
         .collect();
-    let mut could_be = Vec::new();
-    if !diagnosis.runners_up.is_empty() {
-        let list: Vec<String> = diagnosis
-            .runners_up
-            .iter()
-            .map(|(effect, evidence)| format!("{} (evidence {evidence:.0})", effect.name).replace('-', "‑"))
-            .collect();
-        could_be.push(format!("Came near when another effect was sought: {}.", list.join(", ")));
-    }
-    could_be.extend(
-        result["warnings"].as_array().into_iter().flatten().filter_map(Value::as_str).map(str::to_owned),
-    );
+    let could_be: Vec<String> = result["warnings"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(|warning| warning.as_str().map(str::to_owned))
+        .collect();
     let next = result["next_experiment"].as_str().filter(|next| !next.is_empty());
     html! {
         (errors(diagnosis))

@@ -1,15 +1,15 @@
 //! The cost over two faults.
 
-use crate::fit::engine::{Engine, FIT_STEP, Job, on_records};
+use crate::fit::engine::{Engine, FIT_TOLERANCE, Job, on_records};
 use crate::fit::{Fit, Prepared};
 use crate::rig::{Range, Rig};
 use eha_monitor::fit::problem::Problem;
 use eha_monitor::integrate::Stepper;
 use rayon::prelude::*;
 
-/// Samples that a surface may simulate with exact steps, and with the midpoint rule, which is 30 times slower.
-const EXACT_SAMPLES: usize = 2_000_000;
-const MIDPOINT_SAMPLES: usize = 100_000;
+/// Samples that a surface may simulate where the model is affine, and where it is not, which is several times slower.
+const AFFINE_SAMPLES: usize = 2_000_000;
+const CURVED_SAMPLES: usize = 400_000;
 /// How many times as many the coarsest surface may take before it is left out.
 const TOO_LONG: usize = 4;
 /// Cells along a side, at least and at most.
@@ -33,15 +33,16 @@ impl Surface {
     pub(super) fn over(ranges: [Range; 2], rig: &Rig, fit: &Fit, records: &[Prepared]) -> Option<Self> {
         let rig = Rig { parameters: fit.parameters, ..rig.clone() };
         let samples: usize = records.iter().map(Prepared::len).sum();
-        let engine = on_records(&rig, &ranges, records, fit.noise, FIT_STEP, Which);
-        let most = if engine == Engine::Midpoint { MIDPOINT_SAMPLES } else { EXACT_SAMPLES };
+        let engine = on_records(&rig, &ranges, records, fit.noise, FIT_TOLERANCE, Which);
+        let affine = matches!(engine, Engine::Base | Engine::Full);
+        let most = if affine { AFFINE_SAMPLES } else { CURVED_SAMPLES };
         let side = ((most as f64 / samples.max(1) as f64).sqrt() as usize).clamp(CELLS[0], CELLS[1]);
         if side * side * samples > TOO_LONG * most {
             return None;
         }
         let rows: Vec<Vec<(f64, u32)>> = (0..side)
             .into_par_iter()
-            .map(|row| on_records(&rig, &ranges, records, fit.noise, FIT_STEP, Line { row, side }))
+            .map(|row| on_records(&rig, &ranges, records, fit.noise, FIT_TOLERANCE, Line { row, side }))
             .collect();
         let edges = |range: &Range| -> Vec<f64> {
             (0..=side).map(|k| range.lower + (range.upper - range.lower) * k as f64 / side as f64).collect()

@@ -39,9 +39,10 @@ fn an_identification_gives_what_it_has_found() {
         "long.csv",
         &["--model", "lf", "--command", "sine", "--duration", "20", "--noise", "lvdt_m=5e-6"],
     );
-    // The square-root metering is stepped, not exact: a search of many seconds.
+    // The square-root metering is stepped, not exact, and the record counts ten times: a search of many seconds.
     bench.write("slow.toml", "[parameters]\nmetering_blend = 1.0\n");
-    let child = start(&bench, &["identify", "long.csv", "--rig", "slow.toml", "--json", "--out", "found"]);
+    let options = ["--rig", "slow.toml", "--json", "--out", "found"];
+    let child = start(&bench, &[&["identify"][..], &["long.csv"; 10], &options].concat());
     std::thread::sleep(Duration::from_millis(1500));
     interrupt(&child);
     let result = result(child);
