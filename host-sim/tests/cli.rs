@@ -4,6 +4,7 @@ mod cli {
     mod bad_records;
     mod check;
     mod data;
+    mod guide;
     mod harness;
     mod identify;
     mod interrupt;
@@ -11,6 +12,7 @@ mod cli {
     mod measured;
     mod report;
     mod reproduce;
+    mod schema;
     mod shell;
     mod simulate;
     mod streams;

@@ -1,5 +1,6 @@
 //! `identify`: the declared faults from records.
 
+use super::printouts::{self, Truth};
 use super::{DEFAULT_RIG, FitOptions, Fitted, converged, fit_records, save_trace};
 use crate::cli::Common;
 use crate::failure::Failure;
@@ -14,6 +15,12 @@ use serde_json::{Value, json};
 pub struct Options {
     #[command(flatten)]
     fit: FitOptions,
+    /// True values, where they are known, for the source's fault-parameter check: `bkl=2e-4,fdj=800`.
+    #[arg(long, value_delimiter = ',', value_name = "NAME=VALUE")]
+    truth: Vec<String>,
+    /// Print the log of the search: a line for each generation, costs in units of the noise.
+    #[arg(long)]
+    log: bool,
 }
 
 /// Runs the verb.
@@ -21,13 +28,19 @@ pub struct Options {
 /// # Errors
 /// Usage, bad data, or no convergence.
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
+    let truth = Truth::parse(&options.truth)?;
     let fitted = fit_records(common, &options.fit, DEFAULT_RIG, |rig| rig.faults.clone())?;
-    let result = json(common, &fitted, "faults");
+    let mut result = json(common, &fitted, "faults");
+    truth.add_to(&fitted.fit, &mut result);
     save(common, &fitted, &result, "identify.json", "Identification")?;
     if common.json {
         output::print_json(&result)?;
     } else {
+        if options.log {
+            output::print(&printouts::log(&fitted.fit, fitted.population).to_string())?;
+        }
         print(common, &fitted)?;
+        truth.print(&fitted.fit)?;
     }
     converged(&fitted.fit)
 }

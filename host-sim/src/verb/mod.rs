@@ -7,6 +7,7 @@ pub mod diagnose;
 pub mod identify;
 pub mod import;
 pub mod lists;
+mod printouts;
 pub mod reproduce;
 pub mod shell;
 pub mod simulate;
