@@ -112,7 +112,7 @@ fn channel_facts(record: &Record, channel: Channel, values: &[f64], noise: &[f64
 
 fn response(command: &[f64], position: &[f64], period: f64) -> Option<Response> {
     let [low, high] = range(command);
-    if !(low < high) {
+    if low >= high {
         return None;
     }
     let most = ((LONGEST_DELAY_S / period) as usize).min(position.len() / 4);

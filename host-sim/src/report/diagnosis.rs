@@ -235,7 +235,7 @@ fn errors(diagnosis: &Diagnosis) -> Markup {
         legend: vec![(Role::Before, "before".to_owned()), (Role::After, "after".to_owned())],
         note: String::new(),
         axis: Axis::from_zero("residual, rms", "m", ends),
-        rows: rows.clone(),
+        entries: rows.clone(),
         wide: true,
     }
     .figure()

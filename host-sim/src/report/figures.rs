@@ -298,7 +298,7 @@ fn follows(
         legend: legend.to_vec(),
         note: "Correlation with the motion of the model, with the 95 % band of a white residual.".to_owned(),
         axis: Axis::between("correlation", "1", -1.0, 1.0),
-        rows,
+        entries: rows,
         wide: false,
     }
     .figure()
@@ -450,7 +450,7 @@ pub(super) fn estimates(fits: &[(Role, &str, Vec<&Estimate>)]) -> Markup {
             legend: Vec::new(),
             note: String::new(),
             axis: Axis::around(info.name, info.unit, ends),
-            rows: rows.clone(),
+            entries: rows.clone(),
             wide: false,
         }.figure())
     } }

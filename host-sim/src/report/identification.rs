@@ -140,11 +140,13 @@ fn near(ranges: [Range; 2], estimates: [&Estimate; 2]) -> Option<[Range; 2]> {
     let mut near = ranges;
     for (range, estimate) in near.iter_mut().zip(estimates) {
         let (info, reach) = (range.parameter.info(), NEAR * estimate.standard_error);
-        range.lower = (estimate.value - reach).max(info.lower);
-        range.upper = (estimate.value + reach).min(info.upper);
-        if !(range.lower < range.upper) {
+        // Neither is known where the standard error is not.
+        let (lower, upper) = (estimate.value - reach, estimate.value + reach);
+        if lower.is_nan() || lower >= upper {
             return None;
         }
+        range.lower = lower.max(info.lower);
+        range.upper = upper.min(info.upper);
     }
     Some(near)
 }

@@ -131,7 +131,7 @@ fn bars(cases: &[Reproduced]) -> Markup {
         note: "Logarithmic. Mean of the magnitudes of both relative errors, as the source counts them."
             .to_owned(),
         axis: Axis::decades("mean error", "%", ends),
-        rows: rows.clone(),
+        entries: rows.clone(),
         wide: true,
     }
     .figure()

@@ -38,7 +38,7 @@ pub(super) struct Rows {
     /// The axis.
     pub(super) axis: Axis,
     /// The rows, the first at the top.
-    pub(super) rows: Vec<Row>,
+    pub(super) entries: Vec<Row>,
     /// Does it span the page?
     pub(super) wide: bool,
 }
@@ -55,13 +55,13 @@ impl Rows {
     pub(super) fn figure(&self) -> Markup {
         let width = if self.wide { 1100.0 } else { 530.0 };
         let longest = |text: fn(&Row) -> &str| {
-            self.rows.iter().map(|row| text(row).chars().count()).max().unwrap_or(0) as f64 * CHARACTER
+            self.entries.iter().map(|row| text(row).chars().count()).max().unwrap_or(0) as f64 * CHARACTER
         };
         let left = 12.0 + longest(|row| &row.name);
         let span = width - left - longest(|row| &row.text) - 24.0;
         let mut bottom = 4.0;
         let places: Vec<f64> = self
-            .rows
+            .entries
             .iter()
             .map(|row| {
                 bottom += if row.name.is_empty() { 0.0 } else { GROUP };
@@ -92,7 +92,7 @@ impl Rows {
                         }
                         path.frame d=(format!("M{left:.1} 2V{bottom:.1}H{:.1}", left + span)) {}
                         text.axis text-anchor="middle" x=(left + span / 2.0) y=(bottom + 37.0) { (self.axis.title) }
-                        @for (row, y) in self.rows.iter().zip(&places) {
+                        @for (row, y) in self.entries.iter().zip(&places) {
                             text.name text-anchor="end" x=(left - 8.0) y=(y + 4.0) { (row.name) }
                             @match row.shape {
                                 Shape::Bar(value) => {

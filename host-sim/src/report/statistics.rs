@@ -97,19 +97,15 @@ pub(super) fn cross_correlation(all: &[Vec<f64>], others: &[Vec<f64>], reach: us
             .sqrt()
     };
     let scale = (norm(all) * norm(others)).max(f64::MIN_POSITIVE);
-    let reach = reach as isize;
-    (-reach..=reach)
-        .map(|lag| {
+    (0..=2 * reach)
+        .map(|index| {
+            let (later, earlier) = (index.saturating_sub(reach), reach.saturating_sub(index));
             let mut sum = 0.0;
             for (one, other) in all.iter().zip(others) {
-                let (later, earlier) = if lag >= 0 {
-                    (&one[(lag as usize).min(one.len())..], other.as_slice())
-                } else {
-                    (one.as_slice(), &other[(lag.unsigned_abs()).min(other.len())..])
-                };
-                sum += later.iter().zip(earlier).map(|(a, b)| a * b).filter(|x| x.is_finite()).sum::<f64>();
+                let pairs = one.iter().skip(later).zip(other.iter().skip(earlier));
+                sum += pairs.map(|(a, b)| a * b).filter(|x| x.is_finite()).sum::<f64>();
             }
-            [lag as f64, sum / scale]
+            [index as f64 - reach as f64, sum / scale]
         })
         .collect()
 }

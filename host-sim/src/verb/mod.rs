@@ -53,7 +53,7 @@ impl InputOptions {
             return Err(Failure::usage(format!("--rate {rate}: expected a positive number")));
         }
         if let (Some(from), Some(to)) = (self.from, self.to)
-            && !(from < to)
+            && (from.is_nan() || to.is_nan() || from >= to)
         {
             return Err(Failure::usage(format!("--from {from} --to {to}: expected the first to be earlier")));
         }
