@@ -125,22 +125,34 @@ pub(super) fn look(
 }
 
 impl Prospect {
-    /// Fits it, from what the linear model foresees and from each place where it was looked for: what was free before
-    /// first follows it there, because it may have been far off to make up for the effect.
-    pub(super) fn fit(&self, rig: &Rig, records: &[Prepared], noise: [f64; 4]) -> Option<Candidate> {
+    /// A rough fit, from what the linear model foresees and from each place where it was looked for: what was free
+    /// before first follows it there, because it may have been far off to make up for the effect.
+    pub(super) fn approach(&self, rig: &Rig, records: &[Prepared], noise: [f64; 4]) -> Option<Polished> {
         let before = self.ranges.len() - self.effect.parameters.len();
         let followed = self.starts.iter().filter_map(|start| {
             let mut there = rig.clone();
             for (range, &value) in self.ranges.iter().zip(start).skip(before) {
                 there.parameters.set(range.parameter, value);
             }
-            let here = [start[..before].to_vec()];
-            fit::approach(&there, &self.ranges[..before], &here, records, noise)
-                .map(|found| (found.misfit.chi_square, [&found.values, &start[before..]].concat()))
+            let found = fit::approach(&there, &self.ranges[..before], &start[..before], records, noise)?;
+            Some((found.misfit.chi_square, [&found.values, &start[before..]].concat()))
         });
         let best = followed.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, start)| start);
-        let starts: Vec<Vec<f64>> = std::iter::once(self.foreseen.values.clone()).chain(best).collect();
-        let fit = fit::polish(rig, &self.ranges, &starts, records, noise)?;
+        let starts = std::iter::once(self.foreseen.values.clone()).chain(best);
+        starts
+            .filter_map(|start| fit::approach(rig, &self.ranges, &start, records, noise))
+            .min_by(|a, b| a.misfit.chi_square.total_cmp(&b.misfit.chi_square))
+    }
+
+    /// Fits it from a start.
+    pub(super) fn fit(
+        &self,
+        rig: &Rig,
+        start: Vec<f64>,
+        records: &[Prepared],
+        noise: [f64; 4],
+    ) -> Option<Candidate> {
+        let fit = fit::polish(rig, &self.ranges, start, records, noise)?;
         let mut fitted = fit.applied(rig, &self.ranges);
         fitted.effects.push(self.effect);
         Some(Candidate { effect: self.effect, ranges: self.ranges.clone(), fit, rig: fitted })

@@ -12,10 +12,14 @@ use rayon::prelude::*;
 
 /// Fall of chi-square that the linear model must foresee for an effect to be fitted: far below what is accepted.
 const PROMISING: f64 = 4.0;
-/// Most effects that are fitted for a hypothesis in a round, the most promising first.
-const MOST_FITTED: usize = 10;
+/// Most effects that are approached by rough fits for a hypothesis in a round, the most promising first.
+const MOST_APPROACHED: usize = 10;
+/// Most of them that are fitted.
+const MOST_FITTED: usize = 6;
 /// Most of them that are also fitted to the held-out records.
-const MOST_VALIDATED: usize = 5;
+const MOST_VALIDATED: usize = 4;
+/// A fault whose standard error grows by this factor when an effect is fitted beside it is confounded with the effect.
+const CONFOUNDED: f64 = 5.0;
 /// Twice the logarithm of the odds (100 to 1) below which two effects are not told apart.
 const CLASS_EVIDENCE: f64 = 9.2;
 /// Rise of the held-out records' chi-square that chance explains (two standard deviations of one parameter).
@@ -73,8 +77,8 @@ impl Hypothesis {
         let joint = if case.holdout().is_empty() {
             train.clone()
         } else {
-            let starts = [train.values.clone()];
-            fit::polish(&rig, &ranges, &starts, case.records, case.noise).unwrap_or_else(|| train.clone())
+            let start = train.values.clone();
+            fit::polish(&rig, &ranges, start, case.records, case.noise).unwrap_or_else(|| train.clone())
         };
         let predictions = fit::predict(&joint.applied(&rig, &ranges), case.records);
         Self { rig, ranges, train, joint, predictions, added }
@@ -83,6 +87,12 @@ impl Hypothesis {
     /// Mean square, in units of the noise, of what the model leaves; at least 1.
     pub(super) fn scale(&self) -> f64 {
         self.joint.misfit.mean_square().max(1.0)
+    }
+
+    /// Share of another model's misfit beyond noise that this one takes away.
+    pub(super) fn share_of(&self, other: &Self) -> f64 {
+        let excess = |model: &Self| (model.joint.misfit.mean_square() - 1.0).max(0.0);
+        1.0 - excess(self) / excess(other).max(f64::MIN_POSITIVE)
     }
 
     /// Chi-square of all records in units of `scale`, with a price on every added parameter.
@@ -109,8 +119,7 @@ impl Hypothesis {
     }
 
     pub(super) fn same_effects(&self, other: &Self) -> bool {
-        self.added.len() == other.added.len()
-            && self.added.iter().all(|effect| other.added.iter().any(|known| known.name == effect.name))
+        same(&self.added, &other.added)
     }
 
     /// Is what the joint fit leaves just noise, in every record?
@@ -135,17 +144,37 @@ impl Hypothesis {
             .collect()
     }
 
-    /// Fits the effects that promise to lower chi-square, best first.
+    /// For each declared fault: would an effect leave it undetermined?
+    pub(super) fn confuses(&self, case: &Case<'_>, prospect: &Prospect) -> impl Iterator<Item = bool> {
+        (0..case.rig.faults.len()).map(|fault| {
+            prospect.foreseen.standard_error(fault) > CONFOUNDED * self.train.standard_error(fault)
+        })
+    }
+
+    /// Fits the effects that promise to lower chi-square, and those that are mixed up with a fault: the fault may be
+    /// far from the truth in place of the effect, and the linear model there says nothing. The best first.
     fn fit_promising(&self, case: &Case<'_>) -> Vec<Candidate> {
         let base = self.train.misfit.chi_square;
-        let mut promising = self.look(case);
-        promising.retain(|prospect| base - prospect.foreseen.misfit.chi_square > PROMISING);
-        promising.sort_by(|a, b| a.foreseen.misfit.chi_square.total_cmp(&b.foreseen.misfit.chi_square));
-        promising.truncate(MOST_FITTED);
-        let mut candidates: Vec<Candidate> = promising
+        let gain = |prospect: &Prospect| base - prospect.foreseen.misfit.chi_square;
+        let (mut asked, mut promising): (Vec<Prospect>, Vec<Prospect>) = self
+            .look(case)
+            .into_iter()
+            .partition(|prospect| self.confuses(case, prospect).any(|mixed| mixed));
+        promising.retain(|prospect| gain(prospect) > PROMISING);
+        promising.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
+        promising.truncate(MOST_APPROACHED);
+        promising.append(&mut asked);
+        let mut near: Vec<(&Prospect, Polished)> = promising
             .par_iter()
             .filter(|_| !interrupt::requested())
-            .filter_map(|prospect| prospect.fit(&self.rig, case.train(), case.noise))
+            .filter_map(|prospect| Some((prospect, prospect.approach(&self.rig, case.train(), case.noise)?)))
+            .collect();
+        near.sort_by(|(_, a), (_, b)| a.misfit.chi_square.total_cmp(&b.misfit.chi_square));
+        near.truncate(MOST_FITTED);
+        let mut candidates: Vec<Candidate> = near
+            .into_par_iter()
+            .filter(|_| !interrupt::requested())
+            .filter_map(|(prospect, near)| prospect.fit(&self.rig, near.values, case.train(), case.noise))
             .collect();
         candidates.sort_by(|a, b| a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square));
         candidates
@@ -176,8 +205,13 @@ impl Hypothesis {
         self.with(case, candidates)
     }
 
-    /// The same model without an effect.
-    fn without(&self, case: &Case<'_>, effect: &EffectInfo) -> Self {
+    /// The same model without an effect, fitted unless it is known.
+    fn without(&self, case: &Case<'_>, effect: &EffectInfo, known: &[Self]) -> Self {
+        let mut added = self.added.clone();
+        added.retain(|known| known.name != effect.name);
+        if let Some(known) = known.iter().find(|known| same(&known.added, &added)) {
+            return known.clone();
+        }
         let mut rig = self.rig.clone();
         rig.effects.retain(|known| known.name != effect.name);
         for &parameter in effect.parameters {
@@ -185,28 +219,32 @@ impl Hypothesis {
         }
         let mut ranges = self.ranges.clone();
         ranges.retain(|range| !effect.parameters.contains(&range.parameter));
-        let mut added = self.added.clone();
-        added.retain(|known| known.name != effect.name);
-        let starts = [ranges.iter().map(|range| rig.parameters.get(range.parameter)).collect()];
-        let train = fit::polish(&rig, &ranges, &starts, case.train(), case.noise)
-            .unwrap_or_else(|| self.train.clone());
+        let start = ranges.iter().map(|range| rig.parameters.get(range.parameter)).collect();
+        let train =
+            fit::polish(&rig, &ranges, start, case.train(), case.noise).unwrap_or_else(|| self.train.clone());
         let rig = train.applied(&rig, &ranges);
         Self::validated(case, rig, ranges, train, added)
     }
 
-    /// Drops the effects that do not earn their place beside the others, the weakest first.
-    pub(super) fn pruned(mut self, case: &Case<'_>) -> (Self, Vec<Earned>) {
+    /// Drops the effects that do not earn their place beside the others, the weakest first. What was fitted before is
+    /// in `known`, and what is fitted now is added to it.
+    pub(super) fn pruned(mut self, case: &Case<'_>, known: &mut Vec<Self>) -> (Self, Vec<Earned>) {
         loop {
             let scale = self.scale();
             let earned: Vec<Earned> = self
                 .added
                 .par_iter()
                 .map(|effect| {
-                    let without = self.without(case, effect);
+                    let without = self.without(case, effect, known);
                     let gain = (without.joint.misfit.chi_square - self.joint.misfit.chi_square) / scale;
                     Earned { effect, evidence: gain - self.price(effect, scale), without }
                 })
                 .collect();
+            for new in earned.iter().map(|earned| &earned.without) {
+                if !known.iter().any(|known| known.same_effects(new)) {
+                    known.push(new.clone());
+                }
+            }
             let weakest = earned
                 .iter()
                 .filter(|earned| !self.earns(case, earned))
@@ -279,4 +317,9 @@ impl Hypothesis {
         });
         others
     }
+}
+
+/// Do two models have the same effects?
+fn same(a: &[&EffectInfo], b: &[&EffectInfo]) -> bool {
+    a.len() == b.len() && a.iter().all(|effect| b.iter().any(|other| other.name == effect.name))
 }

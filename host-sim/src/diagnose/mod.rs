@@ -24,6 +24,7 @@ pub mod residual;
 use crate::fit::{self, Estimate, Fit, FitSettings, Prepared};
 use crate::interrupt;
 use crate::rig::Rig;
+use candidate::Prospect;
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
@@ -36,10 +37,11 @@ const MOST_EFFECTS: usize = 3;
 const BEAM: usize = 3;
 /// Standard deviations of the residual tests: with four channels, a chance of 1e-4 of a false alarm.
 const RESIDUAL_LIMIT: f64 = 5.0;
-/// A fault whose standard error grows by this factor when an effect is fitted beside it is confounded with the effect.
-const CONFOUNDED: f64 = 5.0;
+/// Share of the misfit beyond noise that the effects so far must take away for another to be tried beside them: where
+/// the catalogue does not help at all, more of it does not either.
+const GROWING_SHARE: f64 = 0.2;
 /// Share of the misfit beyond noise that effects must take away to be named although something else is left.
-const NAMING_SHARE: f64 = 0.9;
+const NAMING_SHARE: f64 = 0.99;
 
 /// What the data say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -183,7 +185,8 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f
         tried.extend(grown.iter().cloned());
         let best = grown.first().map_or(f64::INFINITY, |first| first.cost(scale));
         let settled = beam.iter().all(|parent| parent.cost(scale) <= best);
-        if settled || grown.iter().any(|hypothesis| hypothesis.leaves_noise(case)) {
+        let helpless = grown.iter().all(|hypothesis| hypothesis.share_of(&tried[0]) < GROWING_SHARE);
+        if settled || helpless || grown.iter().any(|hypothesis| hypothesis.leaves_noise(case)) {
             break;
         }
         beam = grown;
@@ -195,17 +198,17 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f
 }
 
 /// The hypothesis of the lowest cost whose effects all earn their place.
-fn soundest(case: &Case<'_>, tried: Vec<Hypothesis>) -> (Hypothesis, Vec<Earned>) {
+fn soundest(case: &Case<'_>, mut tried: Vec<Hypothesis>) -> (Hypothesis, Vec<Earned>) {
     let scale = tried.iter().map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
     let cost = |(hypothesis, _): &(Hypothesis, Option<Vec<Earned>>)| hypothesis.cost(scale);
-    let mut open: Vec<_> = tried.into_iter().map(|hypothesis| (hypothesis, None)).collect();
+    let mut open: Vec<_> = tried.iter().cloned().map(|hypothesis| (hypothesis, None)).collect();
     loop {
         open.sort_by(|a, b| cost(b).total_cmp(&cost(a)));
         let Some((hypothesis, earned)) = open.pop() else { unreachable!("what is popped is pushed again") };
         if let Some(earned) = earned {
             return (hypothesis, earned);
         }
-        let (sound, earned) = hypothesis.pruned(case);
+        let (sound, earned) = hypothesis.pruned(case, &mut tried);
         open.push((sound, Some(earned)));
     }
 }
@@ -244,12 +247,8 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned]) -
         .collect();
     let prospects = best.look(case);
     let confounded_with = |fault: usize| {
-        let alone = best.train.standard_error(fault);
-        prospects
-            .iter()
-            .filter(|prospect| prospect.foreseen.standard_error(fault) > CONFOUNDED * alone)
-            .map(|prospect| prospect.effect)
-            .collect()
+        let mixed_up = |prospect: &&Prospect| best.confuses(case, prospect).nth(fault) == Some(true);
+        prospects.iter().filter(mixed_up).map(|prospect| prospect.effect).collect()
     };
     let faults = (0..case.rig.faults.len())
         .map(|index| {

@@ -36,50 +36,48 @@ impl Polished {
     }
 }
 
-/// Steps from each of several starts before the best place goes on alone.
+/// Steps of an approach.
 const FIRST_STEPS: u32 = 3;
+/// A step is made if it promises to lower chi-square by this much, in units of the mean square that is left.
+const WORTH_A_STEP: f64 = 0.05;
 /// Widest forward difference, in standard errors of the parameter: what is found with a wider one is fitted again in a
 /// narrower range. An effect can be a ten-thousandth of the range in which it is looked for.
 const WIDEST_DIFFERENCE: f64 = 0.5;
 /// Half width of that range, in standard errors.
 const NARROW: f64 = 50.0;
 
-/// A few steps towards the bottom of the basin from each start, with the rougher step of a look; the lowest place.
+/// A few steps towards the bottom of the basin, with the tolerance of a look.
 pub fn approach(
     rig: &Rig,
     ranges: &[Range],
-    starts: &[Vec<f64>],
+    start: &[f64],
     records: &[Prepared],
     noise: [f64; 4],
 ) -> Option<Polished> {
-    on_records(rig, ranges, records, noise, LOOK_TOLERANCE, Polish { starts, steps: FIRST_STEPS })
+    on_records(rig, ranges, records, noise, LOOK_TOLERANCE, Polish { start, steps: FIRST_STEPS })
 }
 
-/// Goes to the bottom of the basin from the best of some starts; none without a start.
+/// Goes to the bottom of the basin; none where the records hold nothing to compare.
 pub fn polish(
     rig: &Rig,
     ranges: &[Range],
-    starts: &[Vec<f64>],
+    start: Vec<f64>,
     records: &[Prepared],
     noise: [f64; 4],
 ) -> Option<Polished> {
     let settings = Settings::<f64>::default();
-    let go = |ranges: &[Range], starts: &[Vec<f64>], steps| {
-        on_records(rig, ranges, records, noise, FIT_TOLERANCE, Polish { starts, steps })
+    let go = |ranges: &[Range], start: &[f64]| {
+        on_records(rig, ranges, records, noise, FIT_TOLERANCE, Polish { start, steps: settings.steps })
     };
-    let found = if starts.len() > 1 {
-        let first = go(ranges, starts, FIRST_STEPS)?;
-        go(ranges, &[first.values], settings.steps)?
-    } else {
-        go(ranges, starts, settings.steps)?
-    };
+    let found = go(ranges, &start)?;
     let narrow: Vec<Range> = ranges
         .iter()
         .enumerate()
         .map(|(index, range)| {
-            let (value, error) = (found.values[index], found.standard_error(index));
+            let error = found.standard_error(index) * found.misfit.mean_square().max(1.0).sqrt();
             let coarse = settings.difference * (range.upper - range.lower) > WIDEST_DIFFERENCE * error;
             if coarse && error > 0.0 {
+                let value = found.values[index];
                 let (lower, upper) = (value - NARROW * error, value + NARROW * error);
                 Range { lower: lower.max(range.lower), upper: upper.min(range.upper), ..*range }
             } else {
@@ -87,10 +85,7 @@ pub fn polish(
             }
         })
         .collect();
-    if narrow == ranges {
-        return Some(found);
-    }
-    go(&narrow, &[found.values], settings.steps)
+    if narrow == ranges { Some(found) } else { go(&narrow, &found.values) }
 }
 
 /// What the linear model at each start foresees, without going there: one evaluation of the normal equations a start.
@@ -158,8 +153,8 @@ impl Job for Foresee<'_> {
 }
 
 struct Polish<'a> {
-    starts: &'a [Vec<f64>],
-    /// Most steps from each.
+    start: &'a [f64],
+    /// Most steps.
     steps: u32,
 }
 
@@ -167,17 +162,14 @@ impl Job for Polish<'_> {
     type Output = Option<Polished>;
 
     fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Self::Output {
-        let settings = Settings { tolerance: 0.05, steps: self.steps, ..Settings::default() };
-        let mut evaluations = 0;
-        let mut finishes = Vec::new();
-        for start in self.starts {
-            let found = finish(problem, &genes_of(problem, start), &settings, steppers);
-            evaluations += found.evaluations;
-            finishes.push(found);
+        let genes = genes_of(problem, self.start);
+        let left = problem.misfit(&genes, &mut steppers[0]);
+        if left.count == 0 {
+            return None;
         }
-        let best = finishes
-            .iter()
-            .min_by(|a, b| a.normal.misfit.chi_square.total_cmp(&b.normal.misfit.chi_square))?;
-        Some(polished(problem, &best.genes, &best.normal, best.normal.misfit, evaluations))
+        let tolerance = WORTH_A_STEP * left.mean_square().max(1.0);
+        let settings = Settings { tolerance, steps: self.steps, ..Settings::default() };
+        let found = finish(problem, &genes, &settings, steppers);
+        Some(polished(problem, &found.genes, &found.normal, found.normal.misfit, found.evaluations + 1))
     }
 }

@@ -125,7 +125,7 @@ impl Case {
             }
         });
         let start = vec![truth.parameters.bkl, truth.parameters.fdj];
-        let fit = fit::polish(&rig, &rig.faults, &[start], &prepared, noise).unwrap();
+        let fit = fit::polish(&rig, &rig.faults, start, &prepared, noise).unwrap();
         let fitted = Rig { parameters: fit.applied(&rig, &rig.faults).parameters, ..rig.clone() };
         let residuals = diagnose::residual::of_channels(&prepared, &fit::predict(&fitted, &prepared));
         let matter = residuals.iter().zip(diagnose::residual::MODEL_ERROR);
