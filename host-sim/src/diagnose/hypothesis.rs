@@ -4,6 +4,7 @@ use super::candidate::{self, Candidate, Prospect};
 use super::residual::{self, MEASURED, MODEL_ERROR};
 use super::{Case, RESIDUAL_LIMIT};
 use crate::fit::{self, Estimate, Fit, Polished};
+use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::model::state::Outputs;
@@ -138,7 +139,7 @@ impl Hypothesis {
     pub(super) fn look(&self, case: &Case<'_>) -> Vec<Prospect> {
         EFFECTS
             .par_iter()
-            .filter(|effect| candidate::applies(effect, &self.rig, &self.ranges))
+            .filter(|effect| !interrupt::requested() && candidate::applies(effect, &self.rig, &self.ranges))
             .filter_map(|effect| candidate::look(effect, &self.rig, &self.ranges, case.train(), case.noise))
             .collect()
     }
@@ -155,20 +156,24 @@ impl Hypothesis {
     fn fit_promising(&self, case: &Case<'_>) -> Vec<Candidate> {
         let base = self.train.misfit.chi_square;
         let gain = |prospect: &Prospect| base - prospect.foreseen.misfit.chi_square;
-        let (mut asked, mut promising): (Vec<Prospect>, Vec<Prospect>) =
-            self.look(case).into_iter().partition(|prospect| self.confuses(case, prospect).any(|mixed| mixed));
+        let (mut asked, mut promising): (Vec<Prospect>, Vec<Prospect>) = self
+            .look(case)
+            .into_iter()
+            .partition(|prospect| self.confuses(case, prospect).any(|mixed| mixed));
         promising.retain(|prospect| gain(prospect) > PROMISING);
         promising.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
         promising.truncate(MOST_APPROACHED);
         promising.append(&mut asked);
         let mut near: Vec<(&Prospect, Polished)> = promising
             .par_iter()
+            .filter(|_| !interrupt::requested())
             .filter_map(|prospect| Some((prospect, prospect.approach(&self.rig, case.train(), case.noise)?)))
             .collect();
         near.sort_by(|(_, a), (_, b)| a.misfit.chi_square.total_cmp(&b.misfit.chi_square));
         near.truncate(MOST_FITTED);
         let mut candidates: Vec<Candidate> = near
             .into_par_iter()
+            .filter(|_| !interrupt::requested())
             .filter_map(|(prospect, near)| prospect.fit(&self.rig, near.values, case.train(), case.noise))
             .collect();
         candidates.sort_by(|a, b| a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square));
@@ -215,8 +220,8 @@ impl Hypothesis {
         let mut ranges = self.ranges.clone();
         ranges.retain(|range| !effect.parameters.contains(&range.parameter));
         let start = ranges.iter().map(|range| rig.parameters.get(range.parameter)).collect();
-        let train = fit::polish(&rig, &ranges, start, case.train(), case.noise)
-            .unwrap_or_else(|| self.train.clone());
+        let train =
+            fit::polish(&rig, &ranges, start, case.train(), case.noise).unwrap_or_else(|| self.train.clone());
         let rig = train.applied(&rig, &ranges);
         Self::validated(case, rig, ranges, train, added)
     }
