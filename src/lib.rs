@@ -9,6 +9,7 @@ pub mod fit;
 pub mod ga;
 pub mod integrate;
 pub mod model;
+pub mod monitor;
 pub mod parameter;
 pub mod random;
 pub mod scalar;

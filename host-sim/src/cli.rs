@@ -63,4 +63,6 @@ pub(crate) enum Verb {
     Rigs(verb::lists::RigsOptions),
     /// Convert a MAT (v5, v7.3) or foreign CSV file to a record.
     Import(verb::import::Options),
+    /// What the firmware costs on the emulated boards, against its limits.
+    Budget(verb::budget::Options),
 }

@@ -7,6 +7,7 @@
 //!              |-- fit/      records + rig --> core search --> estimates, residuals
 //! ```
 
+pub mod budget;
 pub mod cli;
 pub mod diagnose;
 pub mod emulator;
@@ -47,5 +48,6 @@ pub fn run(cli: &Cli) -> Result<(), Failure> {
         Verb::Commands => verb::lists::commands(common),
         Verb::Rigs(options) => verb::lists::rigs(common, options),
         Verb::Import(options) => verb::import::run(common, options),
+        Verb::Budget(options) => verb::budget::run(common, options),
     }
 }

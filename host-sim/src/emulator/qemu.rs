@@ -22,11 +22,13 @@ const DEFAULT_TIME_LIMIT: Duration = Duration::from_mins(2);
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 
 /// An emulated board.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Machine {
     /// Cortex-M7.
+    #[value(name = "mps2-an500")]
     Mps2An500,
     /// Cortex-M4F.
+    #[value(name = "mps2-an386")]
     Mps2An386,
 }
 

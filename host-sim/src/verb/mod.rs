@@ -1,5 +1,6 @@
 //! The verbs of the program, one file each.
 
+pub mod budget;
 pub mod calibrate;
 pub mod demo;
 pub mod diagnose;

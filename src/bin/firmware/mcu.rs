@@ -10,6 +10,8 @@
 
 #[path = "counter.rs"]
 mod counter;
+#[path = "hogs.rs"]
+mod hogs;
 
 use crate::{
     Platform,
@@ -41,6 +43,7 @@ fn start() -> ! {
     let mut board = Board { counter: Counter::new(peripherals.SYST) };
     board.measure("board", "calibration", || cortex_m::asm::delay(CALIBRATION_ROUNDS));
     workload::run(&mut board, MEMORY);
+    hogs::take();
     report_stack();
     if cfg!(feature = "negative-control-fault") {
         cortex_m::asm::udf();
@@ -71,14 +74,48 @@ impl Platform for Board {
     }
 
     fn measure<T>(&mut self, group: &str, name: &str, work: impl FnOnce() -> T) -> T {
+        let (value, cost) = self.cost_of(work);
+        report_cost(group, name, cost);
+        value
+    }
+
+    fn measure_worst(
+        &mut self,
+        group: &str,
+        name: &str,
+        rounds: u32,
+        mut prepare: impl FnMut(u32),
+        mut work: impl FnMut(u32),
+    ) {
+        let mut worst = 0;
+        for round in 0..rounds {
+            prepare(round);
+            let ((), cost) = self.cost_of(|| work(round));
+            worst = worst.max(cost);
+        }
+        report_cost(group, name, worst);
+    }
+}
+
+impl Board {
+    /// Runs `work` once; what it gives, and what it cost.
+    fn cost_of<T>(&self, work: impl FnOnce() -> T) -> (T, u64) {
         // The black boxes keep the compiler from moving the work out of the measured interval.
         let work = black_box(work);
         let start = self.counter.now();
         let value = black_box(work());
-        let cost = self.counter.since(start);
-        defmt::println!("measure {=str}.{=str}.{=str}={=u64}", group, name, counter::UNIT, cost);
-        value
+        if cfg!(feature = "negative-control-slow") {
+            // Everything takes twice as long, and short work a thousand instructions more.
+            let wait = self.counter.since(start).saturating_add(1000);
+            cortex_m::asm::delay(u32::try_from(wait).unwrap_or(u32::MAX));
+        }
+        (value, self.counter.since(start))
     }
+}
+
+/// Reports the cost of a piece of work.
+fn report_cost(group: &str, name: &str, cost: u64) {
+    defmt::println!("measure {=str}.{=str}.{=str}={=u64}", group, name, counter::UNIT, cost);
 }
 
 /// State of the log's framing.
