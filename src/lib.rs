@@ -8,6 +8,7 @@ pub mod effect;
 pub mod fit;
 pub mod ga;
 pub mod integrate;
+pub mod link;
 pub mod model;
 pub mod monitor;
 pub mod parameter;

@@ -63,6 +63,8 @@ pub(crate) enum Verb {
     Rigs(verb::lists::RigsOptions),
     /// Convert a MAT (v5, v7.3) or foreign CSV file to a record.
     Import(verb::import::Options),
+    /// Hardware in the loop: samples to the firmware's monitor over a serial line, its estimates as they come.
+    Hil(verb::hil::Options),
     /// What the firmware costs on the emulated boards, against its limits.
     Budget(verb::budget::Options),
 }

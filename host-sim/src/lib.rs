@@ -13,6 +13,7 @@ pub mod diagnose;
 pub mod emulator;
 pub mod failure;
 pub mod fit;
+pub mod hil;
 pub mod output;
 pub mod plant;
 pub mod record;
@@ -48,6 +49,7 @@ pub fn run(cli: &Cli) -> Result<(), Failure> {
         Verb::Commands => verb::lists::commands(common),
         Verb::Rigs(options) => verb::lists::rigs(common, options),
         Verb::Import(options) => verb::import::run(common, options),
+        Verb::Hil(options) => verb::hil::run(common, options),
         Verb::Budget(options) => verb::budget::run(common, options),
     }
 }

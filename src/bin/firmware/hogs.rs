@@ -9,7 +9,7 @@
 const WORDS: usize = 6 << 10;
 
 /// Takes what the features of this image ask for.
-pub(super) fn take() {
+pub(crate) fn take() {
     #[cfg(feature = "negative-control-stack")]
     stack();
     #[cfg(feature = "negative-control-ram")]
