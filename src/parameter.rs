@@ -12,7 +12,7 @@ use crate::scalar::Real;
 pub enum Reach {
     /// Output of the simulated motion only: the motion itself does not change.
     Output,
-    /// Constant terms and switching limits: the transition matrices do not change.
+    /// Constant terms, switching limits and laws that are not affine: the transition matrices do not change.
     Constant,
     /// The transition matrices.
     Dynamics,
@@ -135,7 +135,7 @@ parameters! {
     pressure_gain PressureGain "GP" "Pa/m" 1e11 [1e8, 1e14] Dynamics "pressure gain of the second stage";
     flow_gain FlowGain "GQ" "m^2/s" 0.2 [1e-4, 1e3] Dynamics "flow gain of the second stage";
     leakage Leakage "Clk" "m^3/(s Pa)" 1e-13 [0.0, 1e-9] Dynamics "leakage of the jack";
-    metering_blend MeteringBlend "" "1" 0.0 [0.0, 1.0] Dynamics "fluid form: 0 linear, 1 square-root metering";
+    metering_blend MeteringBlend "" "1" 0.0 [0.0, 1.0] Constant "fluid form: 0 linear, 1 square-root metering";
     oil_compliance OilCompliance "1/beta" "1/Pa" 0.0 [0.0, 1e-7] Dynamics "1 over the bulk modulus of the oil";
     jack_area JackArea "AJ" "m^2" 8e-4 [1e-6, 1.0] Dynamics "area of the jack";
     viscous_friction ViscousFriction "CJ" "N s/m" 50.0 [0.0, 1e7] Dynamics "viscous friction of the jack";
@@ -144,8 +144,8 @@ parameters! {
     fdj DryFriction "FDJ" "N" 200.0 [0.0, 1e5] Constant "sliding dry friction of the jack";
     breakaway_ratio BreakawayRatio "FSD" "1" 2.0 [1.0, 10.0] Constant "breakaway over sliding friction of the jack";
     friction_asymmetry FrictionAsymmetry "a" "1" 0.0 [-0.9, 0.9] Constant "friction times 1 + a sgn(v)";
-    stribeck_velocity StribeckVelocity "vs" "m/s" 0.0 [0.0, 1.0] Dynamics "velocity over which friction falls from breakaway to sliding";
-    quadratic_drag QuadraticDrag "c2" "N s^2/m^2" 0.0 [0.0, 1e7] Dynamics "drag c2 v abs(v)";
+    stribeck_velocity StribeckVelocity "vs" "m/s" 0.0 [0.0, 1.0] Constant "velocity over which friction falls from breakaway to sliding";
+    quadratic_drag QuadraticDrag "c2" "N s^2/m^2" 0.0 [0.0, 1e7] Constant "drag c2 v abs(v)";
     constant_load ConstantLoad "F" "N" 0.0 [-1e5, 1e5] Constant "constant load against extension";
     spring_load SpringLoad "Kaer" "N/m" 0.0 [0.0, 1e7] Dynamics "aerodynamic stiffness";
     step_load StepLoad "" "N" 0.0 [-1e5, 1e5] Constant "load against extension from step_load_time on";

@@ -4,7 +4,7 @@
 //! `MJ/(AJ^2 GPQ)` is 62 us, is taken by the implicit midpoint rule; with either fluid form that is a closed formula
 //! (see [`Fluid::metering_pressure`](crate::model::fluid::Fluid::metering_pressure)).
 
-use super::{Run, Stepper};
+use super::{Step, Stepper};
 use crate::model::Model;
 use crate::model::state::{Input, Mode, State};
 use crate::scalar::Real;
@@ -30,6 +30,7 @@ impl<T: Real> Midpoint<T> {
 
 impl<T: Real> Stepper<T> for Midpoint<T> {
     const TOP: usize = 1;
+    const SHIFT: u32 = 2;
 
     fn begin(&mut self, sample_period: T, _: bool, _: bool) {
         // A hundredth of a step is forgiven, so that 1 ms in steps of 1 us is 1000 in every precision.
@@ -64,17 +65,13 @@ impl<T: Real> Stepper<T> for Midpoint<T> {
     fn step(
         &self,
         model: &Model<T>,
-        run: &Run<T>,
+        mode: &Mode,
+        state: &State<T>,
         input: &Input<T>,
         force_rate: T,
         level: usize,
-    ) -> State<T> {
+    ) -> Step<T> {
         let step = if level == 0 { self.finest } else { self.finest * T::literal(4.0) };
-        model.midpoint_step(&run.mode, &run.state, input, force_rate, step)
-    }
-
-    #[inline]
-    fn part(&self, model: &Model<T>, run: &Run<T>, input: &Input<T>, force_rate: T, fraction: T) -> State<T> {
-        model.midpoint_step(&run.mode, &run.state, input, force_rate, self.finest * fraction)
+        Step::exact(model.midpoint_step(mode, state, input, force_rate, step))
     }
 }

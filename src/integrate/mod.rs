@@ -2,17 +2,23 @@
 //!
 //! [`advance`] owns what every integrator needs: it steps, looks at the guards, goes to the crossing where one turned
 //! negative, switches the mode and goes on. A [`Stepper`] owns the step inside one mode: [`exact::Exact`] by
-//! transition matrices for piecewise affine models, [`midpoint::Midpoint`] by a second-order rule for every model.
+//! transition matrices for piecewise affine models, [`collocation::Collocation`] by transition matrices and a
+//! parabola for what is curved, [`midpoint::Midpoint`] by a second-order rule of fixed step for every model.
 
+pub mod collocation;
 pub mod exact;
+mod ladder;
 pub mod midpoint;
 
-use crate::model::state::{Input, InputSegment, Mode, State};
+use crate::model::state::{FULL_ORDER, Input, InputSegment, Mode, State};
 use crate::model::{EXTRA_GUARDS, LOOP_GUARDS, Model};
 use crate::scalar::Real;
 
 /// Events that one finest step may hold; more are left to the next step.
 const EVENTS_PER_STEP: usize = 8;
+/// Error of a step, in units of what is allowed, below which one of the next level is tried: twice as long, it errs
+/// some eight times as much.
+const ROOM: f64 = 0.1;
 
 /// A model's place in its motion: everything that changes as it runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,6 +33,8 @@ pub struct Run<T> {
     fall: Guards<T>,
     /// Finest steps since the last event.
     calm: u32,
+    /// Coarsest level of a step that the error of the last ones lets expect to be good.
+    ceiling: usize,
     /// Mode changes so far.
     pub events: u32,
     /// Steps taken so far, rejected ones included.
@@ -42,6 +50,7 @@ impl<T: Real> Run<T> {
             guards: Guards::default(),
             fall: Guards::default(),
             calm: u32::MAX,
+            ceiling: usize::MAX,
             events: 0,
             steps: 0,
         };
@@ -98,7 +107,7 @@ impl<T: Real> Guards<T> {
         let fall = fall.plain.iter().chain(&fall.extra);
         before.zip(after).zip(fall).enumerate().any(|(index, ((&before, &after), &fall))| {
             Model::<T>::is_violated(index, before, after)
-                || (divisible && before.smaller(after) < fall * size)
+                || (divisible && before.smaller(after) + Model::<T>::slack(index) < fall * size)
         })
     }
 
@@ -151,10 +160,29 @@ impl<T: Real> Guards<T> {
     }
 }
 
+/// A state at the end of a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step<T> {
+    /// The state.
+    pub state: State<T>,
+    /// Estimate of its error in units of what is allowed: above 1 the step is taken in shorter ones, if it can be.
+    pub error: T,
+}
+
+impl<T: Real> Step<T> {
+    /// A step whose error is not in question.
+    #[inline(always)]
+    pub const fn exact(state: State<T>) -> Self {
+        Self { state, error: T::ZERO }
+    }
+}
+
 /// A rule that takes a state over a step inside one mode.
 pub trait Stepper<T: Real> {
-    /// Coarsest level: a step of level `l` is `4^l` finest steps long.
+    /// Coarsest level.
     const TOP: usize;
+    /// A step of level `l` is `2^(SHIFT l)` finest steps long.
+    const SHIFT: u32;
 
     /// Gets ready for a run: the sample period, s, whether a force input is ever not zero, and whether a parameter
     /// that reaches the dynamics has changed since the last run.
@@ -172,12 +200,16 @@ pub trait Stepper<T: Real> {
     /// The mode of a run has changed (or the run is new here).
     fn enter(&mut self, model: &Model<T>, mode: &Mode);
 
-    /// The state after a step of a level.
-    fn step(&self, model: &Model<T>, run: &Run<T>, input: &Input<T>, force_rate: T, level: usize)
-    -> State<T>;
-
-    /// The state after a fraction (0 to 1) of a finest step.
-    fn part(&self, model: &Model<T>, run: &Run<T>, input: &Input<T>, force_rate: T, fraction: T) -> State<T>;
+    /// The state after a step of a level in the mode that was entered last.
+    fn step(
+        &self,
+        model: &Model<T>,
+        mode: &Mode,
+        state: &State<T>,
+        input: &Input<T>,
+        force_rate: T,
+        level: usize,
+    ) -> Step<T>;
 }
 
 /// Advances a run by one sample.
@@ -200,8 +232,8 @@ pub fn advance<T: Real, S: Stepper<T>>(
     }
     // Straight code for the usual case, a sample in one step: in a loop the compiler would fetch all that the model
     // is made of ahead of it.
-    let mut level = if run.calm < stepper.calm() { 0 } else { S::TOP };
-    if level == S::TOP && stepper.units() == 1 << (2 * S::TOP) {
+    let mut level = if run.calm < stepper.calm() { 0 } else { S::TOP.min(run.ceiling) };
+    if level == S::TOP && stepper.units() == size::<T, S>(S::TOP) {
         if attempt(stepper, model, run, segment, 0, S::TOP) {
             observe(run.state.ground());
             return;
@@ -248,8 +280,8 @@ pub fn advance_some<T: Real, S: Stepper<T>>(
         if model.guards_see_command_rate() {
             run.guards = Guards::at(model, &run.mode, &run.state, &segment.start, segment.time);
         }
-        let mut level = if run.calm < stepper.calm() { 0 } else { S::TOP };
-        if level == S::TOP && stepper.units() == 1 << (2 * S::TOP) {
+        let mut level = if run.calm < stepper.calm() { 0 } else { S::TOP.min(run.ceiling) };
+        if level == S::TOP && stepper.units() == size::<T, S>(S::TOP) {
             if attempt(stepper, model, run, segment, 0, S::TOP) {
                 observe(run.state.ground());
                 return true;
@@ -263,6 +295,11 @@ pub fn advance_some<T: Real, S: Stepper<T>>(
     done
 }
 
+/// Finest steps in a step of a level.
+const fn size<T: Real, S: Stepper<T>>(level: usize) -> u32 {
+    1 << (S::SHIFT * level as u32)
+}
+
 /// Takes a run a step further, unless that step must be refined. A finest step is refused only where it holds an event.
 #[inline(always)]
 fn attempt<T: Real, S: Stepper<T>>(
@@ -274,10 +311,14 @@ fn attempt<T: Real, S: Stepper<T>>(
     level: usize,
 ) -> bool {
     let unit = stepper.unit();
-    let size = 1_u32 << (2 * level);
+    let size = size::<T, S>(level);
     let input = segment.at(unit * T::from_count(position));
-    let state = stepper.step(model, run, &input, segment.force_rate, level);
+    let Step { state, error } = stepper.step(model, &run.mode, &run.state, &input, segment.force_rate, level);
     run.steps += 1;
+    if level > 0 && error > T::ONE {
+        run.ceiling = level - 1;
+        return false;
+    }
     let end = unit * T::from_count(position + size);
     let guards = Guards::at(model, &run.mode, &state, &segment.at(end), segment.time + end);
     let length = T::from_count(size);
@@ -288,9 +329,22 @@ fn attempt<T: Real, S: Stepper<T>>(
         return false;
     }
     run.calm = run.calm.saturating_add(size);
+    run.ceiling = ceiling::<T, S>(level, error);
     run.state = state;
     run.guards.accept(&mut run.fall, &guards, length, has_extra);
     true
+}
+
+/// Coarsest level of the next step, after one of a level with an error.
+#[inline(always)]
+fn ceiling<T: Real, S: Stepper<T>>(level: usize, error: T) -> usize {
+    if error == T::ZERO {
+        S::TOP
+    } else if error < T::literal(ROOM) {
+        level + 1
+    } else {
+        level
+    }
 }
 
 /// Takes a run over one sample in several steps from a place on; none of them is begun once more than `last` steps have
@@ -314,7 +368,7 @@ fn divide<T: Real, S: Stepper<T>>(
         }
         if !attempt(stepper, model, run, segment, position, level) {
             if level > 0 {
-                level -= 1;
+                level = run.ceiling.min(level - 1);
                 continue;
             }
             let elapsed = stepper.unit() * T::from_count(position);
@@ -322,8 +376,11 @@ fn divide<T: Real, S: Stepper<T>>(
             run.calm = 0;
         }
         observe(run.state.ground());
-        position += 1 << (2 * level);
-        while level < S::TOP && run.calm >= stepper.calm() && position.is_multiple_of(4 << (2 * level)) {
+        position += size::<T, S>(level);
+        while level < S::TOP.min(run.ceiling)
+            && run.calm >= stepper.calm()
+            && position.is_multiple_of(size::<T, S>(level + 1))
+        {
             level += 1;
         }
     }
@@ -346,18 +403,20 @@ fn cross<T: Real, S: Stepper<T>>(
     for _ in 0..EVENTS_PER_STEP {
         let input = segment.at(elapsed + unit * done);
         let left = T::ONE - done;
-        let state = stepper.part(model, run, &input, segment.force_rate, left);
+        let arc = Arc::ahead(stepper, model, run, &input, segment.force_rate);
+        let state = arc.at(left);
         let end = elapsed + unit;
         let guards = Guards::at(model, &run.mode, &state, &segment.at(end), segment.time + end);
         let Some((index, guess)) = run.guards.first_crossing(&guards) else {
             run.state = state;
             run.guards = guards;
+            run.ceiling = ceiling::<T, S>(0, arc.error);
             return;
         };
         // One secant step towards the crossing from the straight-line guess.
         let at = |fraction: T| {
             let done = done + left * fraction;
-            let state = stepper.part(model, run, &input, segment.force_rate, left * fraction);
+            let state = arc.at(left * fraction);
             (state, segment.at(elapsed + unit * done), elapsed + unit * done)
         };
         let (state, there, time) = at(guess);
@@ -375,7 +434,41 @@ fn cross<T: Real, S: Stepper<T>>(
     }
     // Too many events in one step (a rig that chatters): finish it in the mode that it is in.
     let input = segment.at(elapsed + unit * done);
-    run.state = stepper.part(model, run, &input, segment.force_rate, T::ONE - done);
+    run.state = Arc::ahead(stepper, model, run, &input, segment.force_rate).at(T::ONE - done);
     let end = elapsed + unit;
     run.guards = Guards::at(model, &run.mode, &run.state, &segment.at(end), segment.time + end);
+}
+
+/// The motion over a finest step, between its ends: the parabola through both, with the rate at its start. It is
+/// within the step's cube.
+struct Arc<T> {
+    start: State<T>,
+    /// What the rate at the start would add over the whole step.
+    tangent: State<T>,
+    /// What the step adds.
+    chord: State<T>,
+    error: T,
+}
+
+impl<T: Real> Arc<T> {
+    fn ahead<S: Stepper<T>>(
+        stepper: &S,
+        model: &Model<T>,
+        run: &Run<T>,
+        input: &Input<T>,
+        force_rate: T,
+    ) -> Self {
+        let Step { state, error } = stepper.step(model, &run.mode, &run.state, input, force_rate, 0);
+        let tangent = model.rate(&run.mode, &run.state, input).scaled(stepper.unit());
+        Self { start: run.state, tangent, chord: state.since(&run.state), error }
+    }
+
+    /// The state after a fraction of the step.
+    fn at(&self, fraction: T) -> State<T> {
+        let (tangent, chord) = (self.tangent.to_array(), self.chord.to_array());
+        let change: [T; FULL_ORDER] = core::array::from_fn(|index| {
+            fraction * (tangent[index] + fraction * (chord[index] - tangent[index]))
+        });
+        self.start.changed(&change)
+    }
 }

@@ -33,6 +33,8 @@ const GROUND: usize = 14;
 
 /// How far a limit may be passed by rounding, relative to the limit.
 const LIMIT_TOLERANCE: f64 = 1e-5;
+/// Force on the spool that rounding may make up, N; it moves the spool by less than 0.3 nm a second.
+const SPOOL_FORCE_TOLERANCE: f64 = 1e-5;
 
 fn sign_of<T: Real>(value: T) -> i8 {
     if value < T::ZERO { -1 } else { 1 }
@@ -59,7 +61,7 @@ impl<T: Real> Model<T> {
     #[inline(always)]
     pub fn pressure(&self, mode: &Mode, z: &State<T>) -> T {
         if self.fluid.is_linear() || self.fluid.is_compressible() || self.form.drive == Drive::Force {
-            self.linear_pressure(mode, z, T::ONE)
+            self.linear_pressure(&self.fluid_now(z), mode, z, T::ONE)
         } else {
             let opening = self.spool.opening(z.spool, side(mode.overlap), T::ONE);
             self.fluid_now(z).metering_pressure(opening, z.ram_velocity, T::ZERO)
@@ -189,14 +191,14 @@ impl<T: Real> Model<T> {
                 let current = self.controller.current(mode.current, self.demand(mode, z, input), T::ONE);
                 (self.pilot.hysteresis - (current - z.held_current).magnitude()) / self.pilot.hysteresis
             } else {
-                side::<T>(mode.hysteresis) * self.affine_rate(mode, z, input, T::ONE).held_current
+                side::<T>(mode.hysteresis) * self.rate(mode, z, input).held_current
             };
         }
         if self.pilot.feedback_play != T::ZERO {
             guards[FEEDBACK_PLAY - LOOP_GUARDS] = if mode.feedback_play == 0 {
                 (self.pilot.feedback_play - (z.spool - z.sensed_spool).magnitude()) / self.pilot.feedback_play
             } else {
-                side::<T>(mode.feedback_play) * self.affine_rate(mode, z, input, T::ONE).spool
+                side::<T>(mode.feedback_play) * self.rate(mode, z, input).spool
             };
         }
         if self.jack.is_mounted() {
@@ -230,7 +232,15 @@ impl<T: Real> Model<T> {
         let limit =
             matches!(index, CURRENT | FLAPPER | FIRST_STAGE | PRESSURE | SPOOL_STOP | JACK_STOP | OVERLAP)
                 || index == INTEGRAL;
-        !limit || after < before || after < -T::literal(LIMIT_TOLERANCE)
+        let is_falling = !limit || after < before;
+        (is_falling && after < -Self::slack(index)) || after < -T::literal(LIMIT_TOLERANCE)
+    }
+
+    /// How far a guard may be negative without a meaning. The sliding spool comes to rest where its force is just the
+    /// sliding friction: its guard then is rounding around zero, for as long as the spool rests.
+    #[inline(always)]
+    pub fn slack(index: usize) -> T {
+        if index == SPOOL { T::literal(SPOOL_FORCE_TOLERANCE) } else { T::ZERO }
     }
 
     /// Enters the mode that follows when guard `index` turns negative, at the state of the crossing.

@@ -88,6 +88,13 @@ impl<T: Real> Fluid<T> {
         if mode == 0 { self.linear_pressure(opening, velocity) } else { side::<T>(mode) * self.supply * one }
     }
 
+    /// Pressure of the linear form in a mode of its limit, Pa, and its slope with the velocity, Pa s/m.
+    #[inline(always)]
+    pub fn limited_law(&self, mode: i8, opening: T, velocity: T) -> (T, T) {
+        let slope = if mode == 0 { -self.damping * self.leak_factor } else { T::ZERO };
+        (self.limited_pressure(mode, opening, velocity, T::ONE), slope)
+    }
+
     /// Pressure in the middle of a step whose velocity depends on it, `v = velocity + compliance * P12`, Pa, for
     /// either form of incompressible fluid.
     #[inline(always)]
@@ -118,11 +125,17 @@ impl<T: Real> Fluid<T> {
 
     /// Pressure that satisfies the metering law when the ram velocity itself depends on it,
     /// `v = velocity + compliance * P12`, Pa.
+    #[inline]
+    pub fn metering_pressure(&self, opening: T, velocity: T, compliance: T) -> T {
+        self.metering_law(opening, velocity, compliance).0
+    }
+
+    /// The same, and its slope with the velocity, Pa s/m.
     ///
     /// With `y = sqrt((PSR - s P12)/PSR0)`, `s = sgn(XS)`, the law
     /// `AJ v = GQ XS ((1 - b) + b y) - (1/GPQ + Clk) P12` is a quadratic in `y` with one root that is not negative.
     #[inline]
-    pub fn metering_pressure(&self, opening: T, velocity: T, compliance: T) -> T {
+    pub fn metering_law(&self, opening: T, velocity: T, compliance: T) -> (T, T) {
         let sign = if opening < T::ZERO { -T::ONE } else { T::ONE };
         let opening = opening.magnitude();
         let slope = self.area * compliance + self.conductance;
@@ -132,25 +145,62 @@ impl<T: Real> Fluid<T> {
             - sign * self.area * velocity
             - slope * self.supply;
         let limit = self.cavitation_limit();
-        if c >= T::ZERO {
+        let (pressure, rate) = if c >= T::ZERO {
             // The throttle passes nothing (y = 0): what the ram displaces leaves through the conductance.
-            return (sign * (self.supply + c / slope)).saturate(limit);
-        }
-        // The stable form of the root: y = -2c/(b + sqrt(b^2 - 4ac)).
-        let y = -T::literal(2.0) * c / (b + (b * b - T::literal(4.0) * a * c).root());
-        (sign * (self.supply - self.rated_supply * y * y)).saturate(limit)
+            (sign * (self.supply + c / slope), -self.area / slope)
+        } else {
+            // The stable form of the root: y = -2c/(b + sqrt(b^2 - 4ac)).
+            let root = (b * b - T::literal(4.0) * a * c).root();
+            let y = -T::literal(2.0) * c / (b + root);
+            let rate = -T::literal(2.0) * self.rated_supply * self.area * y / root;
+            (sign * (self.supply - self.rated_supply * y * y), rate)
+        };
+        let within = pressure.saturate(limit);
+        (within, if within == pressure { rate } else { T::ZERO })
     }
 
     /// Rate of the pressure of compressible oil, Pa/s: `4 beta/Vt (Q - AJ v - Clk P12)`.
     #[inline(always)]
     pub fn pressure_rate(&self, opening: T, velocity: T, pressure: T) -> T {
-        let flow = if self.is_linear() {
-            self.flow_gain * opening
+        if self.is_linear() {
+            self.linear_pressure_rate(opening, velocity, pressure)
         } else {
-            let sign = if opening < T::ZERO { -T::ONE } else { T::ONE };
-            let head = ((self.supply - sign * pressure) / self.rated_supply).larger(T::ZERO);
-            opening * (self.flow_gain * (T::ONE - self.blend) + self.metering_gain * self.blend * head.root())
+            self.bulk_stiffness
+                * (self.metered_flow(opening, pressure).0
+                    - self.area * velocity
+                    - self.conductance * pressure)
+        }
+    }
+
+    /// The same of the linear form.
+    #[inline(always)]
+    pub fn linear_pressure_rate(&self, opening: T, velocity: T, pressure: T) -> T {
+        self.bulk_stiffness * (self.flow_gain * opening - self.area * velocity - self.conductance * pressure)
+    }
+
+    /// What the metering form adds to the rate of the pressure of compressible oil over the linear form of a fluid,
+    /// Pa/s, and its slope with the pressure, 1/s.
+    #[inline]
+    pub fn curved_pressure_rate(&self, linear: &Self, opening: T, pressure: T) -> (T, T) {
+        let (flow, slope) = if self.is_linear() {
+            (self.flow_gain * opening, T::ZERO)
+        } else {
+            self.metered_flow(opening, pressure)
         };
-        self.bulk_stiffness * (flow - self.area * velocity - self.conductance * pressure)
+        let conductance = self.conductance - linear.conductance;
+        let excess = flow - linear.flow_gain * opening - conductance * pressure;
+        (self.bulk_stiffness * excess, self.bulk_stiffness * (slope - conductance))
+    }
+
+    /// Flow through the throttle, m^3/s, and its slope with the pressure, m^3/(s Pa).
+    #[inline]
+    fn metered_flow(&self, opening: T, pressure: T) -> (T, T) {
+        let sign = if opening < T::ZERO { -T::ONE } else { T::ONE };
+        let head = ((self.supply - sign * pressure) / self.rated_supply).larger(T::ZERO).root();
+        let metered = opening * self.metering_gain * self.blend;
+        let flow = opening * self.flow_gain * (T::ONE - self.blend) + metered * head;
+        // The root is vertical where it ends; the slope only guides an iteration.
+        let steepest = head.larger(T::literal(1e-3));
+        (flow, -sign * metered * T::literal(0.5) / (self.rated_supply * steepest))
     }
 }

@@ -216,17 +216,22 @@ impl<T: Real> Jack<T> {
         (drive + self.coulomb(direction) * one - self.viscous * velocity) / self.mass
     }
 
-    /// Forces that are not affine in the velocity (Stribeck, quadratic drag), N, positive in extension.
+    /// Forces that are not affine in the velocity (Stribeck, quadratic drag), N, positive in extension, and their
+    /// slope with the velocity, N s/m.
     #[inline]
-    pub fn curved_force(&self, velocity: T, direction: T) -> T {
+    pub fn curved_force(&self, velocity: T, direction: T) -> (T, T) {
         let speed = (velocity * direction).larger(T::ZERO);
-        let mut force = -direction * self.quadratic * speed * speed;
+        let drag = self.quadratic * speed;
+        let mut force = -direction * drag * speed;
+        let mut slope = -T::literal(2.0) * drag;
         if self.stribeck_velocity > T::ZERO {
-            force += self.coulomb(direction)
+            let rest = self.coulomb(direction)
                 * (self.breakaway_ratio - T::ONE)
                 * (speed / self.stribeck_velocity).exp_negative();
+            force += rest;
+            slope += -direction * rest / self.stribeck_velocity;
         }
-        force
+        (force, slope)
     }
 
     /// The line on which velocity and pressure lie at the middle of a step:

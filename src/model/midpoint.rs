@@ -80,10 +80,10 @@ impl<T: Real> Model<T> {
         end
     }
 
-    /// Rate of the supply's sag, 1/s.
+    /// Rate of the supply's sag, 1/s, at a speed of the ram.
     #[inline(always)]
-    fn sag_rate(&self, velocity: T, sag: T) -> T {
-        (-self.parameters.supply_sag * velocity.magnitude() - sag) / T::literal(SAG_LAG)
+    pub(super) fn sag_rate(&self, speed: T, sag: T) -> T {
+        (-self.parameters.supply_sag * speed - sag) / T::literal(SAG_LAG)
     }
 
     /// Advances ram, pressure and supply; leaves the ram's velocity at the middle of the step in `middle`.
@@ -99,7 +99,7 @@ impl<T: Real> Model<T> {
         let half = step * T::literal(0.5);
         let step_load_on = mode.step_load != 0;
         if self.parameters.supply_sag != T::ZERO {
-            middle.sag += half * self.sag_rate(z.ram_velocity, z.sag);
+            middle.sag += half * self.sag_rate(z.ram_velocity.magnitude(), z.sag);
         }
         let fluid = self.fluid_now(middle);
         let opening = self.spool.opening(middle.spool, side(mode.overlap), T::ONE);
@@ -114,7 +114,7 @@ impl<T: Real> Model<T> {
             // The curved forces need a velocity at the middle of the step: guess it, then use the guess.
             let passes = if self.jack.is_affine() { 1 } else { 2 };
             for _ in 0..passes {
-                let force = constant + self.jack.curved_force(velocity, direction);
+                let force = constant + self.jack.curved_force(velocity, direction).0;
                 let (line, compliance) = self.jack.midpoint_line(force, inertia, z.ram_velocity, half);
                 let pressure = if self.form.drive == Drive::Force {
                     T::ZERO
@@ -138,7 +138,7 @@ impl<T: Real> Model<T> {
                 z.pressure + step * fluid.pressure_rate(opening, middle.ram_velocity, middle.pressure);
         }
         if self.parameters.supply_sag != T::ZERO {
-            end.sag = z.sag + step * self.sag_rate(middle.ram_velocity, middle.sag);
+            end.sag = z.sag + step * self.sag_rate(middle.ram_velocity.magnitude(), middle.sag);
         }
     }
 

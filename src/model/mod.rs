@@ -12,6 +12,7 @@
 //! parameters only.
 
 pub mod controller;
+pub(crate) mod curved;
 mod events;
 pub mod fluid;
 pub mod jack;
@@ -24,6 +25,7 @@ pub mod valve;
 use crate::parameter::{Parameter, Parameters, Reach};
 use crate::scalar::Real;
 use controller::Controller;
+use curved::Curved;
 pub use events::{EXTRA_GUARDS, LOOP_GUARDS};
 use fluid::Fluid;
 use jack::Jack;
@@ -131,6 +133,11 @@ impl<T: Real> Model<T> {
     /// Is every law piecewise affine, so that transition matrices are exact?
     pub fn is_affine(&self) -> bool {
         self.fluid.is_linear() && self.jack.is_affine() && self.parameters.supply_sag == T::ZERO
+    }
+
+    /// Do transition matrices depend on directions, as those of a supply that sags with the speed of the ram do?
+    pub fn has_directed_matrices(&self) -> bool {
+        self.parameters.supply_sag != T::ZERO
     }
 
     /// Number of leading entries of the state that this model moves.
@@ -244,7 +251,8 @@ impl<T: Real> Model<T> {
         if mode.first_stage == 0 {
             self.pilot.pressure_gain * flapper
         } else {
-            side::<T>(mode.first_stage) * self.fluid_now(z).supply * one
+            // The supply follows its sag in proportion, which is affine.
+            side::<T>(mode.first_stage) * self.fluid.supply * (one + z.sag)
         }
     }
 
@@ -264,29 +272,48 @@ impl<T: Real> Model<T> {
         self.spool.velocity(self.first_stage_pressure(mode, z, flapper, one), side(mode.spool), one)
     }
 
-    /// Differential pressure of the linear form, Pa.
+    /// Differential pressure of the linear form, Pa, of a fluid.
     #[inline(always)]
-    fn linear_pressure(&self, mode: &Mode, z: &State<T>, one: T) -> T {
+    fn linear_pressure(&self, fluid: &Fluid<T>, mode: &Mode, z: &State<T>, one: T) -> T {
         if self.form.drive == Drive::Force {
             T::ZERO
         } else if self.fluid.is_compressible() {
             z.pressure
         } else {
             let opening = self.spool.opening(z.spool, side(mode.overlap), one);
-            self.fluid_now(z).limited_pressure(mode.pressure, opening, z.ram_velocity, one)
+            fluid.limited_pressure(mode.pressure, opening, z.ram_velocity, one)
         }
     }
 
-    /// Rate of change of the state in a mode, for the affine laws.
+    /// Rate of change of the state in a mode.
+    pub fn rate(&self, mode: &Mode, z: &State<T>, input: &Input<T>) -> State<T> {
+        let curved =
+            if self.is_affine() { Curved::default() } else { self.curved(mode, z).map(|term| term.value) };
+        self.rate_with(mode, z, input, T::ONE, &curved)
+    }
+
+    /// Rate of change of the state in a mode, for the affine laws: those of linear fluid at its nominal supply.
     ///
     /// It is linear in `(z, input, one)`: `one` is 1 for the rate itself, and every constant term is multiplied by it.
     /// So the columns of the system matrix are the rates of unit vectors with `one = 0`, and the constant term is the
     /// rate of zero with `one = 1`: the matrices are derived from the equations, never written twice.
     pub fn affine_rate(&self, mode: &Mode, z: &State<T>, input: &Input<T>, one: T) -> State<T> {
-        let pressure = self.linear_pressure(mode, z, one);
+        self.rate_with(mode, z, input, one, &Curved::default())
+    }
+
+    /// The affine rate with what the laws that are not affine add; linear in that too.
+    pub(crate) fn rate_with(
+        &self,
+        mode: &Mode,
+        z: &State<T>,
+        input: &Input<T>,
+        one: T,
+        curved: &Curved<T>,
+    ) -> State<T> {
+        let pressure = self.linear_pressure(&self.fluid, mode, z, one);
         let direction = side(mode.jack);
         let (velocity, acceleration) = if mode.jack_slides() {
-            let drive = self.jack.drive(pressure, z, input.force, mode.step_load != 0, one);
+            let drive = self.jack.drive(pressure, z, input.force, mode.step_load != 0, one) + curved.force;
             (z.ram_velocity, self.jack.affine_acceleration(drive, z.ram_velocity, direction, one))
         } else {
             (T::ZERO, T::ZERO)
@@ -329,7 +356,11 @@ impl<T: Real> Model<T> {
         }
         if self.fluid.is_compressible() && mode.pressure == 0 {
             let opening = self.spool.opening(z.spool, side(mode.overlap), one);
-            rate.pressure = self.fluid.pressure_rate(opening, velocity, z.pressure);
+            rate.pressure =
+                self.fluid.linear_pressure_rate(opening, velocity, z.pressure) + curved.pressure_rate;
+        }
+        if self.parameters.supply_sag != T::ZERO {
+            rate.sag = self.sag_rate(direction * velocity, z.sag);
         }
         rate
     }

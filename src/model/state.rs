@@ -45,6 +45,10 @@ pub const BASE_ORDER: usize = 5;
 const SPOOL: usize = 2;
 /// Place of the ram position in the vector.
 pub const RAM: usize = 3;
+/// Place of the ram velocity in the vector.
+pub const RAM_VELOCITY: usize = 4;
+/// Place of the pressure of compressible oil in the vector.
+pub const PRESSURE: usize = 9;
 /// Number of states with every effect.
 pub const FULL_ORDER: usize = 13;
 
@@ -143,6 +147,20 @@ impl<T: Real> State<T> {
         next
     }
 
+    /// What has been added to an earlier state.
+    pub fn since(&self, earlier: &Self) -> Self {
+        let (now, then) = (self.to_array(), earlier.to_array());
+        let mut change = Self::from_array(core::array::from_fn(|index| now[index] - then[index]));
+        change.ram += self.ram_rest - earlier.ram_rest;
+        change.spool += self.spool_rest - earlier.spool_rest;
+        change
+    }
+
+    /// Every entry times a factor.
+    pub fn scaled(&self, factor: T) -> Self {
+        Self::from_array(self.to_array().map(|value| value * factor))
+    }
+
     /// The first `N` entries.
     #[inline(always)]
     pub fn leading<const N: usize>(&self) -> [T; N] {
@@ -233,9 +251,10 @@ impl Mode {
         ]
     }
 
-    /// Identifies the transition matrices of this mode: modes that differ in a direction only share them.
+    /// Identifies the transition matrices of this mode: modes that differ in a direction only share them, unless
+    /// directions matter (a supply that sags with the speed of the ram).
     #[inline]
-    pub const fn key(&self) -> u16 {
+    pub const fn key(&self, directed: bool) -> u16 {
         (self.current != 0) as u16
             | ((self.flapper != 0) as u16) << 1
             | ((self.first_stage != 0) as u16) << 2
@@ -247,6 +266,8 @@ impl Mode {
             | ((self.hysteresis != 0) as u16) << 8
             | ((self.feedback_play != 0) as u16) << 9
             | ((self.user_play != 0) as u16) << 10
+            | ((directed && self.jack < 0) as u16) << 11
+            | ((directed && self.first_stage < 0) as u16) << 12
     }
 
     /// Does the spool move?

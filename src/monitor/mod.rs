@@ -33,6 +33,7 @@ pub mod queue;
 pub mod report;
 pub mod sample;
 pub mod screen;
+mod slot;
 mod snapshot;
 mod sums;
 mod window;
@@ -48,14 +49,13 @@ use queue::Outlet;
 use report::{Estimate, Report, Verdict};
 use sample::Sample;
 use screen::{Exclusions, Limits, Reason, Screen, Screened, Sink};
+use slot::Slot;
 use window::{Scale, Window};
 
 /// Time at the start of a window that is not compared, s.
 const SETTLE: f32 = 0.1;
 /// A sensor with fewer than this part of its samples has failed, in tenths.
 const LEAST_PRESENT: u32 = 9;
-/// Reports that may wait.
-const OUTBOX: usize = 2;
 
 /// What a call of [`Monitor::poll`] did.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,7 +85,7 @@ pub struct Counters {
 /// A monitor of one actuator: windows of `SAMPLES` samples, up to `FAULTS` faults, a population of `POPULATION`.
 #[derive(Debug)]
 pub struct Monitor<S, const SAMPLES: usize, const FAULTS: usize, const POPULATION: usize> {
-    config: Option<Config<FAULTS>>,
+    config: Slot<Config<FAULTS>>,
     stepper: S,
     has_begun: bool,
     windows: [Window<SAMPLES>; 2],
@@ -96,11 +96,11 @@ pub struct Monitor<S, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     number: u32,
     analysed: u32,
     is_analysing: bool,
-    analysis: Option<Analysis<FAULTS, POPULATION>>,
+    analysis: Slot<Analysis<FAULTS, POPULATION>>,
     /// Where the model starts in the window that is analysed.
-    start: Option<Start>,
+    start: Slot<Start>,
     /// Where it has ended in the last one.
-    carried: Option<Start>,
+    carried: Slot<Start>,
     /// Best estimate so far.
     genes: [f32; FAULTS],
     /// Members of the last population.
@@ -112,7 +112,7 @@ pub struct Monitor<S, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     skipped: u32,
     samples: u32,
     exclusions: Exclusions,
-    outbox: [Option<Report<FAULTS>>; OUTBOX],
+    outbox: Slot<Report<FAULTS>>,
 }
 
 impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATION: usize>
@@ -122,7 +122,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     pub const fn idle(stepper: S) -> Self {
         const { assert!(SAMPLES >= 100 && SAMPLES < 1 << 15, "a window has 100 to 32767 samples") };
         Self {
-            config: None,
+            config: Slot::Empty,
             stepper,
             has_begun: false,
             windows: [Window::EMPTY; 2],
@@ -131,9 +131,9 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
             number: 0,
             analysed: 0,
             is_analysing: false,
-            analysis: None,
-            start: None,
-            carried: None,
+            analysis: Slot::Empty,
+            start: Slot::Empty,
+            carried: Slot::Empty,
             genes: [0.0; FAULTS],
             seeds: [[0.0; FAULTS]; POPULATION],
             has_seeds: false,
@@ -142,7 +142,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
             skipped: 0,
             samples: 0,
             exclusions: Exclusions::NONE,
-            outbox: [None; OUTBOX],
+            outbox: Slot::Empty,
         }
     }
 
@@ -152,7 +152,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     /// The configuration is not one that it can work with; it stays as it was.
     pub fn configure(&mut self, config: &Config<FAULTS>) -> Result<(), ConfigError> {
         config.check()?;
-        self.config = Some(*config);
+        self.config = Slot::Full(*config);
         self.has_begun = false;
         for window in &mut self.windows {
             window.clear(false);
@@ -162,9 +162,9 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         (self.number, self.analysed, self.latency) = (0, 0, 0);
         (self.skipped, self.samples, self.exclusions) = (0, 0, Exclusions::NONE);
         self.is_analysing = false;
-        self.analysis = None;
-        self.carried = None;
-        self.start = None;
+        self.analysis = Slot::Empty;
+        self.carried = Slot::Empty;
+        self.start = Slot::Empty;
         // Nothing is known yet: the search starts at a healthy actuator.
         self.genes = core::array::from_fn(|gene| {
             config.faults.get(gene).map_or(0.0, |fault| fault.free.gene(fault.healthy))
@@ -172,13 +172,13 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         self.seeds = [[0.0; FAULTS]; POPULATION];
         self.has_seeds = false;
         self.evidence = [Evidence::NONE; FAULTS];
-        self.outbox = [None; OUTBOX];
+        self.outbox = Slot::Empty;
         Ok(())
     }
 
     /// What it was told of its actuator.
     pub const fn config(&self) -> Option<&Config<FAULTS>> {
-        self.config.as_ref()
+        self.config.get()
     }
 
     /// What has happened since the start.
@@ -210,7 +210,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
 
     /// Takes one sample, where there is no interrupt and no queue.
     pub fn take(&mut self, sample: &Sample) {
-        let Some(config) = self.config else { return };
+        let Some(config) = self.config.get().copied() else { return };
         self.samples = self.samples.saturating_add(1);
         if self.is_analysing {
             self.latency = self.latency.saturating_add(1);
@@ -227,13 +227,11 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     /// Works on by at most `budget` steps of the model: the steps that it took, and what there is to say.
     pub fn work(&mut self, budget: u32) -> (u32, Option<Report<FAULTS>>) {
         let mut allowance = budget;
-        if self.is_analysing {
+        // One report at a time.
+        if self.is_analysing && self.outbox.get().is_none() {
             self.analyse(&mut allowance);
         }
-        let [first, second] = &mut self.outbox;
-        let report = first.take();
-        *first = second.take();
-        (budget - allowance, report)
+        (budget - allowance, self.outbox.take())
     }
 
     /// The window that fills.
@@ -261,7 +259,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
             self.filling().clear(false);
             return;
         }
-        let Some(config) = self.config else { return };
+        let Some(config) = self.config.get().copied() else { return };
         let settle = settle_samples::<FAULTS, SAMPLES>(&config);
         let present = self.filling().present(settle, scale);
         let wanted = (SAMPLES - settle) as u32 * LEAST_PRESENT;
@@ -269,40 +267,41 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         if present[0] * 10 < wanted || (uses_current && present[1] * 10 < wanted) {
             let report = self.report_of_filling();
             self.send(Report { window: number, ..report });
-            self.carried = None;
+            self.carried = Slot::Empty;
             self.filling().clear(false);
             return;
         }
         let follows = self.filling().follows;
         let first = self.filling().get(0);
         let position = (0..SAMPLES).find_map(|sample| self.filling().get(sample).user(scale));
-        let carried = self.carried.filter(|carried| follows && carried.is_sound());
+        let carried = self.carried.take().filter(|carried| follows && carried.is_sound());
         let at_rest =
             || Start::at_rest(&config.model(&self.genes), position.unwrap_or_else(|| first.command(scale)));
-        self.start = Some(carried.unwrap_or_else(at_rest));
-        self.carried = None;
+        self.start = Slot::Full(carried.unwrap_or_else(at_rest));
+        self.carried = Slot::Empty;
         self.analysed = number;
         self.latency = 0;
         self.second_fills = !self.second_fills;
         self.filling().clear(true);
         self.is_analysing = true;
-        self.analysis = None;
+        self.analysis = Slot::Empty;
     }
 
     /// Goes on with the analysis.
     fn analyse(&mut self, allowance: &mut u32) {
-        let (Some(config), Some(start)) = (&self.config, &self.start) else { return };
+        let (Some(config), Some(start)) = (self.config.get(), self.start.get()) else { return };
         let scale = Scale::of(&config.parameters);
         let [first, second] = &self.windows;
         let window = if self.second_fills { first } else { second };
         let settle = settle_samples::<FAULTS, SAMPLES>(config);
         let scene = Scene { config, scale, window, start, settle };
         let seed = config.seed ^ u64::from(self.analysed);
-        let analysis = self.analysis.get_or_insert_with(|| {
+        if self.analysis.get().is_none() {
             self.stepper.begin(config.sample_period, false, !self.has_begun);
             self.has_begun = true;
-            Analysis::new(&scene, &self.genes, seed)
-        });
+            self.analysis = Slot::Full(Analysis::new(&scene, &self.genes, seed));
+        }
+        let Some(analysis) = self.analysis.get_mut() else { return };
         let seeds = self.has_seeds.then_some(&self.seeds);
         if !analysis.advance(&scene, seeds, &mut self.stepper, allowance) {
             return;
@@ -329,8 +328,8 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
             travel: found.path.travel,
             ..self.blank()
         };
-        let Some(config) = self.config else { return report };
-        self.carried = Some(found.end);
+        let Some(config) = self.config.get().copied() else { return report };
+        self.carried = Slot::Full(found.end);
         let errors = found.standard_errors();
         let widening = found.widening();
         let is_explained = found.is_explained();
@@ -374,8 +373,8 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
 
     /// A report that says nothing yet: what was known before.
     fn blank(&self) -> Report<FAULTS> {
-        let noise = self.config.map_or([0.0; 2], |config| config.believed_noise());
-        let faults = core::array::from_fn(|gene| match (&self.config, self.evidence.get(gene)) {
+        let noise = self.config.get().map_or([0.0; 2], Config::believed_noise);
+        let faults = core::array::from_fn(|gene| match (self.config.get(), self.evidence.get(gene)) {
             (Some(config), Some(evidence)) => {
                 estimate(config, gene, self.genes.get(gene).copied().unwrap_or(0.0), evidence)
             }
@@ -406,24 +405,16 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         Report { first_tick, exclusions, ..self.blank() }
     }
 
-    /// Lays a report out. Where none is fetched the oldest is lost.
-    fn send(&mut self, report: Report<FAULTS>) {
-        let [first, second] = &mut self.outbox;
-        if first.is_none() {
-            *first = Some(report);
-        } else {
-            if second.is_some() {
-                *first = second.take();
-            }
-            *second = Some(report);
-        }
+    /// Lays a report out. One that was not fetched is lost.
+    const fn send(&mut self, report: Report<FAULTS>) {
+        self.outbox = Slot::Full(report);
     }
 
     /// After a restore: what is not kept is made again.
     fn resume(&mut self) {
-        self.analysis = None;
+        self.analysis = Slot::Empty;
         self.has_begun = false;
-        self.outbox = [None; OUTBOX];
+        self.outbox = Slot::Empty;
         let window = self.filling();
         window.filled = window.filled.min(SAMPLES as u32 - 1);
     }

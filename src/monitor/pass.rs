@@ -61,26 +61,6 @@ impl Tap {
     }
 }
 
-/// A motion.
-#[derive(Clone, Copy, Debug)]
-struct Branch {
-    model: Model<f32>,
-    run: Run<f32>,
-}
-
-impl Branch {
-    fn new(model: &Model<f32>, start: &Start, command: f32) -> Self {
-        let input = Input { command, command_rate: 0.0, force: 0.0 };
-        Self { run: Run::starting(model, start.state, start.mode, &input), model: *model }
-    }
-
-    /// Current, mA.
-    fn current(&self, input: &Input<f32>) -> f32 {
-        let (mode, state) = (&self.run.mode, &self.run.state);
-        self.model.controller.current(mode.current, self.model.demand(mode, state, input), 1.0)
-    }
-}
-
 /// Predictions of one sample: those of the candidate and of its neighbours.
 #[derive(Clone, Copy, Debug)]
 struct Predicted<const GENES: usize> {
@@ -135,8 +115,10 @@ pub(super) struct Pass<const GENES: usize> {
     widths: [f32; GENES],
     /// Are the derivatives wanted?
     with_neighbours: bool,
-    base: Branch,
-    moved: [Branch; GENES],
+    /// The model whose turn it is. It is made anew at every turn: three would take a kilobyte more.
+    model: Model<f32>,
+    base: Run<f32>,
+    moved: [Run<f32>; GENES],
     /// Has a neighbour a motion of its own?
     is_own: [bool; GENES],
     base_tap: Tap,
@@ -201,12 +183,14 @@ impl<const GENES: usize> Pass<GENES> {
                 |gene| if genes[gene] + DIFFERENCE > 1.0 { -DIFFERENCE } else { DIFFERENCE },
             );
         let model = config.model(genes);
-        let base = Branch::new(&model, start, first);
+        let input = Input { command: first, command_rate: 0.0, force: 0.0 };
+        let base = Run::starting(&model, start.state, start.mode, &input);
         let tap = Tap::new(&model, config.sample_period, start.user);
         let mut pass = Self {
             genes: *genes,
             widths,
             with_neighbours,
+            model,
             base,
             moved: [base; GENES],
             is_own: [false; GENES],
@@ -222,16 +206,21 @@ impl<const GENES: usize> Pass<GENES> {
         };
         if with_neighbours {
             for gene in 0..GENES {
-                let mut there = *genes;
-                there[gene] += widths[gene];
-                let model = config.model(&there);
+                let model = config.model(&pass.genes_of(gene + 1));
                 pass.is_own[gene] =
                     Model::<f32>::reach(config.form, config.faults[gene].free.parameter) != Reach::Output;
-                pass.moved[gene] = Branch::new(&model, start, first);
+                pass.moved[gene] = Run::starting(&model, start.state, start.mode, &input);
                 pass.moved_taps[gene] = Tap::new(&model, config.sample_period, start.user);
             }
         }
         pass
+    }
+
+    /// Genes of the candidate (turn 0) or of a neighbour.
+    fn genes_of(&self, turn: usize) -> [f32; GENES] {
+        core::array::from_fn(|gene| {
+            if turn == gene + 1 { self.genes[gene] + self.widths[gene] } else { self.genes[gene] }
+        })
     }
 
     /// Goes on by at most `allowance` steps, and takes what it has used off it. True at the end of the window.
@@ -259,6 +248,9 @@ impl<const GENES: usize> Pass<GENES> {
                 self.gather(scene, end);
                 self.chunk += CHUNK;
             }
+            if self.with_neighbours {
+                self.model = scene.config.model(&self.genes_of(self.turn));
+            }
             // Another motion: its constant terms are others.
             stepper.begin(scene.config.sample_period, false, false);
         }
@@ -274,21 +266,15 @@ impl<const GENES: usize> Pass<GENES> {
     ) -> bool {
         let sample = self.chunk + self.done;
         let own = self.turn.checked_sub(1);
-        let Some(branch) = own.map_or(Some(&mut self.base), |gene| self.moved.get_mut(gene)) else {
+        let Some(run) = own.map_or(Some(&mut self.base), |gene| self.moved.get_mut(gene)) else {
             return true;
         };
         let (base_tap, moved_taps, is_own) = (&mut self.base_tap, &mut self.moved_taps, &self.is_own);
         let shares = |gene: usize| own.is_none() && !is_own.get(gene).copied().unwrap_or(true);
         if let Some(segment) = scene.segment(sample) {
-            let before = branch.run.steps;
-            let done = advance_some(
-                stepper,
-                &branch.model,
-                &mut branch.run,
-                &segment,
-                &mut self.place,
-                *allowance,
-                |ram| {
+            let before = run.steps;
+            let done =
+                advance_some(stepper, &self.model, run, &segment, &mut self.place, *allowance, |ram| {
                     for (gene, tap) in moved_taps.iter_mut().enumerate() {
                         if own == Some(gene) || shares(gene) {
                             tap.user = play(ram, tap.user, tap.half_backlash);
@@ -297,16 +283,16 @@ impl<const GENES: usize> Pass<GENES> {
                     if own.is_none() {
                         base_tap.user = play(ram, base_tap.user, base_tap.half_backlash);
                     }
-                },
-            );
-            *allowance = allowance.saturating_sub(branch.run.steps.wrapping_sub(before));
+                });
+            *allowance = allowance.saturating_sub(run.steps.wrapping_sub(before));
             if !done {
                 return false;
             }
         }
-        let current = branch.current(&scene.input(sample));
+        let demand = self.model.demand(&run.mode, &run.state, &scene.input(sample));
+        let current = self.model.controller.current(run.mode.current, demand, 1.0);
         if own.is_none() {
-            self.path.look(branch.run.state.ground(), sample >= scene.settle);
+            self.path.look(run.state.ground(), sample >= scene.settle);
         }
         let Some(place) = self.predicted.get_mut(self.done) else { return true };
         let see = |tap: &mut Tap| [tap.lvdt.sample(&mut tap.seen, tap.user), current];
@@ -356,8 +342,8 @@ impl<const GENES: usize> Pass<GENES> {
     /// Where the candidate's motion has ended, after the last sample of the window.
     pub(super) fn end<const SAMPLES: usize>(&self, scene: &Scene<'_, GENES, SAMPLES>) -> Start {
         Start {
-            state: self.base.run.state,
-            mode: self.base.run.mode,
+            state: self.base.state,
+            mode: self.base.mode,
             user: self.base_tap.user,
             command: Some(scene.window.get(SAMPLES.saturating_sub(1)).command(scene.scale)),
         }
@@ -381,6 +367,6 @@ impl<const GENES: usize> Pass<GENES> {
     /// Steps that it has taken.
     pub(super) fn steps(&self) -> u32 {
         let own = self.moved.iter().zip(self.is_own).filter(|(_, is_own)| *is_own);
-        own.fold(self.base.run.steps, |sum, (branch, _)| sum.saturating_add(branch.run.steps))
+        own.fold(self.base.steps, |sum, (run, _)| sum.saturating_add(run.steps))
     }
 }

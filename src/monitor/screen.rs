@@ -4,6 +4,7 @@
 //! command by a line, the measured values left out. Over more the stream is broken and a window starts anew.
 
 use super::sample::Sample;
+use super::slot::Slot;
 
 /// Lost samples in a row that are bridged.
 const LONGEST_BRIDGE: u32 = 20;
@@ -144,10 +145,10 @@ impl Still {
 }
 
 /// The screen.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Screen {
     /// The newest sample, which waits for its successor.
-    pub(super) newest: Option<Screened>,
+    pub(super) newest: Slot<Screened>,
     /// User position and current of the one before it.
     pub(super) before: [Option<f32>; 2],
     /// Samples in a row with ticks out of order.
@@ -159,13 +160,13 @@ pub(super) struct Screen {
 impl Screen {
     /// Has seen nothing.
     pub(super) const NEW: Self =
-        Self { newest: None, before: [None; 2], disorder: 0, still: [Still::NEW; 2] };
+        Self { newest: Slot::Empty, before: [None; 2], disorder: 0, still: [Still::NEW; 2] };
 
     /// Looks at a sample. Bounded: at most [`LONGEST_BRIDGE`] samples go to the sink besides it.
     pub(super) fn look(&mut self, sample: &Sample, limits: &Limits, sink: &mut impl Sink) {
         let mut interrupted = false;
         let mut gap = 0;
-        if let Some(newest) = self.newest {
+        if let Some(newest) = self.newest.get() {
             let step = sample.tick.wrapping_sub(newest.tick);
             if step == 0 || step > u32::MAX / 2 {
                 self.disorder += 1;
@@ -188,12 +189,12 @@ impl Screen {
         sink.exclude(gap, |counts| &mut counts.lost);
         let checked = self.checked(sample, limits, sink);
         if interrupted {
-            *self = Self { newest: Some(checked), ..Self::NEW };
+            *self = Self { newest: Slot::Full(checked), ..Self::NEW };
             sink.interrupt();
             return;
         }
         self.hand_on(&checked, gap, limits, sink);
-        self.newest = Some(checked);
+        self.newest = Slot::Full(checked);
     }
 
     /// The sample without the values that are none by themselves.
@@ -225,7 +226,7 @@ impl Screen {
                 // The newest of them still waits here.
                 sink.take_back(back[channel] - 1, channel == 0, channel == 1);
                 self.before[channel] = None;
-                if let Some(newest) = &mut self.newest {
+                if let Some(newest) = self.newest.get_mut() {
                     if channel == 0 { newest.user = None } else { newest.current = None }
                 }
             }
@@ -235,7 +236,7 @@ impl Screen {
 
     /// Hands the waiting sample on, and a bridge to its successor over a gap.
     fn hand_on(&mut self, next: &Screened, gap: u32, limits: &Limits, sink: &mut impl Sink) {
-        let Some(mut newest) = self.newest else { return };
+        let Some(mut newest) = self.newest.get().copied() else { return };
         if gap == 0 {
             let neighbours = [(self.before[0], next.user), (self.before[1], next.current)];
             let values = [&mut newest.user, &mut newest.current];

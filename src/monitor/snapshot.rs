@@ -8,6 +8,7 @@ use super::alarm::Evidence;
 use super::config::Config;
 use super::pass::Start;
 use super::screen::{Exclusions, Screen, Screened, Still};
+use super::slot::Slot;
 use super::window::Window;
 use crate::integrate::Stepper;
 use crate::model::state::{Mode, State};
@@ -181,14 +182,22 @@ fn start(archive: &mut impl Archive, start: &mut Start) {
     archive.maybe(command, Archive::float);
 }
 
+fn slot(archive: &mut impl Archive, slot: &mut Slot<Start>) {
+    let mut content = slot.get().copied();
+    archive.maybe(&mut content, |archive, place| start(archive, place));
+    *slot = content.into();
+}
+
 fn screen<A: Archive>(archive: &mut A, screen: &mut Screen) {
     let Screen { newest, before, disorder, still } = screen;
-    archive.maybe(newest, |archive, sample: &mut Screened| {
+    let mut waiting = newest.get().copied();
+    archive.maybe(&mut waiting, |archive, sample: &mut Screened| {
         archive.word(&mut sample.tick);
         archive.float(&mut sample.command);
         archive.maybe(&mut sample.user, A::float);
         archive.maybe(&mut sample.current, A::float);
     });
+    *newest = waiting.into();
     for value in before {
         archive.maybe(value, A::float);
     }
@@ -281,7 +290,7 @@ where
     }
 
     fn digest(&self) -> Option<u32> {
-        self.config.as_ref().map(|config| digest(config, [SAMPLES, POPULATION]))
+        self.config.get().map(|config| digest(config, [SAMPLES, POPULATION]))
     }
 
     /// Every field that a restart must not lose.
@@ -303,8 +312,8 @@ where
         for gene in self.seeds.iter_mut().flatten() {
             archive.float(gene);
         }
-        archive.maybe(&mut self.carried, |archive, place| start(archive, place));
-        archive.maybe(&mut self.start, |archive, place| start(archive, place));
+        slot(archive, &mut self.carried);
+        slot(archive, &mut self.start);
         archive.flag(&mut self.is_analysing);
         for count in
             [&mut self.number, &mut self.analysed, &mut self.latency, &mut self.skipped, &mut self.samples]

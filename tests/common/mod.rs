@@ -3,6 +3,7 @@
 
 use eha_monitor::command::{Command, CommandInfo};
 use eha_monitor::integrate::Stepper;
+use eha_monitor::integrate::collocation::Collocation;
 use eha_monitor::integrate::exact::Exact;
 use eha_monitor::integrate::midpoint::Midpoint;
 use eha_monitor::model::state::{BASE_ORDER, FULL_ORDER, Input, InputSegment};
@@ -60,13 +61,18 @@ impl Rig {
         rig
     }
 
-    /// The core by its own stepper: exact where it is affine, else the midpoint rule at 10 us.
+    /// The core by its own stepper: exact where it is affine, else collocation.
     pub(crate) fn core(&self, command: &[f64]) -> Trace {
         if Model::new(self.form, &self.parameters).is_affine() {
             self.exact(command)
         } else {
-            self.midpoint(command, 1e-5)
+            self.collocation(command)
         }
+    }
+
+    /// The core by collocation, with the tolerance of fits.
+    pub(crate) fn collocation(&self, command: &[f64]) -> Trace {
+        collocation(self.form, &self.parameters, 2e-9, command)
     }
 
     /// The core by exact steps of one sample.
@@ -186,6 +192,21 @@ pub(crate) fn exact<T: Real + Into<f64>>(form: Form, parameters: &Parameters<T>,
         simulate(form, parameters, &mut Exact::<T, BASE_ORDER, 32>::new(), command)
     } else {
         simulate(form, parameters, &mut Exact::<T, FULL_ORDER, 32>::new(), command)
+    }
+}
+
+/// The core by collocation, with the number of states that it needs.
+pub(crate) fn collocation<T: Real + Into<f64>>(
+    form: Form,
+    parameters: &Parameters<T>,
+    tolerance: f64,
+    command: &[f64],
+) -> Trace {
+    let tolerance = T::literal(tolerance);
+    if Model::new(form, parameters).order() == BASE_ORDER {
+        simulate(form, parameters, &mut Collocation::<T, BASE_ORDER, 32>::new(tolerance), command)
+    } else {
+        simulate(form, parameters, &mut Collocation::<T, FULL_ORDER, 16>::new(tolerance), command)
     }
 }
 

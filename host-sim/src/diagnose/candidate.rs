@@ -10,23 +10,27 @@ use eha_monitor::parameter::Parameter;
 const REACH: f64 = 20.0;
 /// Times at which a step load is looked for.
 const STEP_TIMES: usize = 10;
+/// Where an effect is looked for, in its sizes: a play or a dead zone that is seen at one size is not linear in it.
+const ONE_SIDED: &[f64] = &[0.03, 0.3, 3.0];
+/// The same for what can be on either side of its absence.
+const TWO_SIDED: &[f64] = &[-2.0, 0.2, 2.0];
 
 /// An effect that was fitted together with everything that was free before.
 #[derive(Clone, Debug)]
-pub struct Candidate {
+pub(super) struct Candidate {
     /// The effect.
-    pub effect: &'static EffectInfo,
+    pub(super) effect: &'static EffectInfo,
     /// The free parameters: those of before, then the effect's.
-    pub ranges: Vec<Range>,
+    pub(super) ranges: Vec<Range>,
     /// The fit.
-    pub fit: Polished,
+    pub(super) fit: Polished,
     /// The rig with the fitted values.
-    pub rig: Rig,
+    pub(super) rig: Rig,
 }
 
 /// Can an effect act in a rig at all? An effect of the valve or the fluid needs them; one whose parameter is free
 /// already is part of the model.
-pub fn applies(effect: &EffectInfo, rig: &Rig, ranges: &[Range]) -> bool {
+pub(super) fn applies(effect: &EffectInfo, rig: &Rig, ranges: &[Range]) -> bool {
     use eha_monitor::effect::Port;
     let part_of_model =
         effect.parameters.iter().any(|&wanted| ranges.iter().any(|range| range.parameter == wanted));
@@ -69,27 +73,33 @@ fn effect_starts(effect: &EffectInfo, rig: &Rig, duration: f64) -> Vec<Vec<f64>>
             .map(|k| vec![here + 0.5 * size, duration * (k as f64 + 0.5) / STEP_TIMES as f64])
             .collect();
     }
-    let one_sided = here <= info.lower;
-    let multiples: &[f64] = if one_sided { &[0.5, 3.0] } else { &[0.25] };
-    multiples.iter().map(|multiple| vec![(here + multiple * size).min(info.upper)]).collect()
+    let multiples = if here <= info.lower { ONE_SIDED } else { TWO_SIDED };
+    multiples
+        .iter()
+        .map(|multiple| {
+            let first = (here + multiple * size).clamp(info.lower, info.upper);
+            let others = effect.parameters.iter().zip(effect.sizes).skip(1);
+            std::iter::once(first).chain(others.map(|(_, &size)| size)).collect()
+        })
+        .collect()
 }
 
 /// An effect as the linear model sees it, before anything is fitted.
 #[derive(Clone, Debug)]
-pub struct Prospect {
+pub(super) struct Prospect {
     /// The effect.
-    pub effect: &'static EffectInfo,
+    pub(super) effect: &'static EffectInfo,
     /// The free parameters: those of before, then the effect's.
     ranges: Vec<Range>,
     /// What the linear model foresees: values, misfit, covariance.
-    pub foreseen: Polished,
-    /// Where a fit is to start.
-    start: Vec<f64>,
+    pub(super) foreseen: Polished,
+    /// Where it was looked for.
+    starts: Vec<Vec<f64>>,
 }
 
 /// Looks at an effect beside the parameters that are free already, whose present values are in the rig. None where
 /// the records say nothing about it, or too many parameters are free.
-pub fn look(
+pub(super) fn look(
     effect: &'static EffectInfo,
     rig: &Rig,
     ranges: &[Range],
@@ -108,21 +118,41 @@ pub fn look(
         .into_iter()
         .map(|start| here.iter().copied().chain(start).collect())
         .collect();
-    let (start, foreseen) = starts
+    let foreseen = fit::foresee(rig, &all, &starts, records, noise)
         .into_iter()
-        .filter_map(|start| {
-            let foreseen = fit::foresee(rig, &all, std::slice::from_ref(&start), records, noise).pop()?;
-            Some((start, foreseen))
-        })
-        .min_by(|a, b| a.1.misfit.chi_square.total_cmp(&b.1.misfit.chi_square))?;
-    Some(Prospect { effect, ranges: all, foreseen, start })
+        .min_by(|a, b| a.misfit.chi_square.total_cmp(&b.misfit.chi_square))?;
+    Some(Prospect { effect, ranges: all, foreseen, starts })
 }
 
 impl Prospect {
-    /// Fits it.
-    pub fn fit(&self, rig: &Rig, records: &[Prepared], noise: [f64; 4]) -> Option<Candidate> {
-        let starts = [self.start.clone(), self.foreseen.values.clone()];
-        let fit = fit::polish(rig, &self.ranges, &starts, records, noise)?;
+    /// A rough fit, from what the linear model foresees and from each place where it was looked for: what was free
+    /// before first follows it there, because it may have been far off to make up for the effect.
+    pub(super) fn approach(&self, rig: &Rig, records: &[Prepared], noise: [f64; 4]) -> Option<Polished> {
+        let before = self.ranges.len() - self.effect.parameters.len();
+        let followed = self.starts.iter().filter_map(|start| {
+            let mut there = rig.clone();
+            for (range, &value) in self.ranges.iter().zip(start).skip(before) {
+                there.parameters.set(range.parameter, value);
+            }
+            let found = fit::approach(&there, &self.ranges[..before], &start[..before], records, noise)?;
+            Some((found.misfit.chi_square, [&found.values, &start[before..]].concat()))
+        });
+        let best = followed.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, start)| start);
+        let starts = std::iter::once(self.foreseen.values.clone()).chain(best);
+        starts
+            .filter_map(|start| fit::approach(rig, &self.ranges, &start, records, noise))
+            .min_by(|a, b| a.misfit.chi_square.total_cmp(&b.misfit.chi_square))
+    }
+
+    /// Fits it from a start.
+    pub(super) fn fit(
+        &self,
+        rig: &Rig,
+        start: Vec<f64>,
+        records: &[Prepared],
+        noise: [f64; 4],
+    ) -> Option<Candidate> {
+        let fit = fit::polish(rig, &self.ranges, start, records, noise)?;
         let mut fitted = fit.applied(rig, &self.ranges);
         fitted.effects.push(self.effect);
         Some(Candidate { effect: self.effect, ranges: self.ranges.clone(), fit, rig: fitted })

@@ -5,41 +5,40 @@
 //!        |
 //!        v
 //! look at every effect of the catalogue beside them (linear), fit the promising ones --> evidence
-//!        |  significant, matters, and helps the held-out record?
+//!        |
 //!        v
 //! keep the best few hypotheses, grow each by another effect, until one leaves noise or nothing helps (up to three)
 //!        |
 //!        v
-//! which effects could stand in for each that was added? --> its class
+//! drop what does not earn its place beside the others: significant, matters, validates on the held-out records
+//!        |
+//!        v
+//! which effects could stand in for each that is left? --> its class
 //! residual noise? adequate or explained : unexplained
 //! ```
 
-pub mod candidate;
+mod candidate;
+mod hypothesis;
 pub mod residual;
 
-use crate::fit::{self, Estimate, Fit, FitSettings, Polished, Prepared};
-use crate::rig::{Range, Rig};
-use candidate::{Candidate, Prospect};
-use eha_monitor::effect::{EFFECTS, EffectInfo};
+use crate::fit::{self, Estimate, Fit, FitSettings, Prepared};
+use crate::rig::Rig;
+use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
-use rayon::prelude::*;
-use residual::{ChannelResidual, Description, MEASURED, MODEL_ERROR};
+use hypothesis::{Earned, Hypothesis};
+use residual::{ChannelResidual, Description, MEASURED};
 
 /// Most effects that are added.
 const MOST_EFFECTS: usize = 3;
-/// Fall of chi-square that the linear model must foresee for an effect to be fitted: far below what is accepted.
-const PROMISING: f64 = 4.0;
 /// Hypotheses that are grown further.
 const BEAM: usize = 3;
-/// Most effects that are fitted for a hypothesis in a round, the most promising first.
-const MOST_FITTED: usize = 10;
-/// Twice the logarithm of the odds (100 to 1) below which two effects are not told apart.
-const CLASS_EVIDENCE: f64 = 9.2;
 /// Standard deviations of the residual tests: with four channels, a chance of 1e-4 of a false alarm.
 const RESIDUAL_LIMIT: f64 = 5.0;
 /// A fault whose standard error grows by this factor when an effect is fitted beside it is confounded with the effect.
 const CONFOUNDED: f64 = 5.0;
+/// Share of the misfit beyond noise that effects must take away to be named although something else is left.
+const NAMING_SHARE: f64 = 0.99;
 
 /// What the data say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -122,22 +121,32 @@ pub struct Diagnosis {
     pub residuals: [Option<ChannelResidual>; MEASURED],
     /// What is left, where the verdict is unexplained.
     pub left: Option<Description>,
-    /// Other effects that came near, for the user: name and evidence.
-    pub runners_up: Vec<(&'static EffectInfo, f64)>,
 }
 
 /// What a diagnosis works on.
 pub struct Case<'a> {
     /// The rig, with declared faults and free parameters.
     pub rig: &'a Rig,
-    /// Records that are fitted.
-    pub train: &'a [Prepared],
-    /// Records that are only predicted.
-    pub holdout: &'a [Prepared],
+    /// The records: those that are fitted first, then those that are held out.
+    pub records: &'a [Prepared],
+    /// How many of them are fitted.
+    pub fitted: usize,
     /// Noise of each measured channel.
     pub noise: [f64; MEASURED],
     /// Channels whose noise the rig states.
     pub known_noise: [Option<f64>; MEASURED],
+}
+
+impl<'a> Case<'a> {
+    /// Records that are fitted.
+    pub fn train(&self) -> &'a [Prepared] {
+        &self.records[..self.fitted]
+    }
+
+    /// Records that are only predicted.
+    pub fn holdout(&self) -> &'a [Prepared] {
+        &self.records[self.fitted..]
+    }
 }
 
 /// Diagnoses a case. `watch` is told what is being done, and how much of it (0 to 1).
@@ -149,325 +158,132 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f
         }
     }
     watch("fitting the declared faults", 0.0);
-    let before = fit::fit(case.rig, &ranges, case.train, case.noise, settings, |_| {});
-    let rig = Rig { parameters: before.parameters, ..case.rig.clone() };
-    let score_before = [score(case, &rig, case.train), score(case, &rig, case.holdout)];
-    let root = Hypothesis {
-        polished: Polished {
-            values: before.estimates.iter().map(|estimate| estimate.value).collect(),
-            misfit: before.misfit,
-            covariance: covariance(&before),
-            evaluations: before.evaluations,
-        },
-        rig,
-        ranges,
-        added: Vec::new(),
-        prospects: Vec::new(),
-        inflation: 1.0,
-        penalty: 0.0,
-        holdout: score_before[1].chi_square,
-        runners_up: Vec::new(),
-    };
-    let mut best = root.clone();
-    let mut beam = vec![root];
+    let before = fit::fit(case.rig, &ranges, case.train(), case.noise, settings, |_| {});
+    let mut beam = vec![Hypothesis::root(case, &before, ranges)];
+    let mut tried = beam.clone();
     for stage in 0..MOST_EFFECTS {
         let label = format!("trying effects, round {}", stage + 1);
         let mut grown: Vec<Hypothesis> = Vec::new();
-        for (index, hypothesis) in beam.iter_mut().enumerate() {
+        for (index, hypothesis) in beam.iter().enumerate() {
             let share = (stage as f64 + index as f64 / BEAM as f64 + 0.5) / (MOST_EFFECTS as f64 + 1.0);
             watch(&label, share);
-            grown.extend(hypothesis.grow(case));
+            for new in hypothesis.grow(case) {
+                if !grown.iter().any(|known| known.same_effects(&new)) {
+                    grown.push(new);
+                }
+            }
         }
-        if stage == 0 {
-            best.clone_from(&beam[0]);
-        }
-        grown.sort_by(|a, b| a.cost(&best).total_cmp(&b.cost(&best)));
-        grown.dedup_by(|a, b| a.same_effects(b));
+        let scale = grown.iter().chain(&tried).map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
+        grown.sort_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)));
         grown.truncate(BEAM);
-        let Some(first) = grown.first() else { break };
-        if first.cost(&best) < best.cost(&best) {
-            best.clone_from(first);
-        }
-        if best.leaves_noise(case) {
+        tried.extend(grown.iter().cloned());
+        let best = grown.first().map_or(f64::INFINITY, |first| first.cost(scale));
+        let settled = beam.iter().all(|parent| parent.cost(scale) <= best);
+        if settled || grown.iter().any(|hypothesis| hypothesis.leaves_noise(case)) {
             break;
         }
         beam = grown;
     }
-    if best.prospects.is_empty() {
-        best.look(case);
-    }
-    watch("testing the residual", 0.95);
-    best.conclude(case, before, score_before)
+    watch("testing what was found", 0.9);
+    let (best, earned) = soundest(case, tried);
+    watch("looking for what could stand in", 0.95);
+    conclude(case, before, best, &earned)
 }
 
-/// A model that may be the right one: effects that were added, and how it fits.
-#[derive(Clone)]
-struct Hypothesis {
-    rig: Rig,
-    ranges: Vec<Range>,
-    polished: Polished,
-    /// Effects that were added, each with its evidence against the model without it.
-    added: Vec<(&'static EffectInfo, f64)>,
-    /// What the linear model says of every further effect.
-    prospects: Vec<Prospect>,
-    /// How much the noise is to be multiplied by for what is left: mean square times correlation time.
-    inflation: f64,
-    /// What its parameters cost, in chi-square of plain noise.
-    penalty: f64,
-    /// Chi-square of the held-out records, which it was not fitted to.
-    holdout: f64,
-    /// Effects that came near.
-    runners_up: Vec<(&'static EffectInfo, f64)>,
+/// The hypothesis of the lowest cost whose effects all earn their place.
+fn soundest(case: &Case<'_>, mut tried: Vec<Hypothesis>) -> (Hypothesis, Vec<Earned>) {
+    let scale = tried.iter().map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
+    let cost = |(hypothesis, _): &(Hypothesis, Option<Vec<Earned>>)| hypothesis.cost(scale);
+    let mut open: Vec<_> = tried.iter().cloned().map(|hypothesis| (hypothesis, None)).collect();
+    loop {
+        open.sort_by(|a, b| cost(b).total_cmp(&cost(a)));
+        let Some((hypothesis, earned)) = open.pop() else { unreachable!("what is popped is pushed again") };
+        if let Some(earned) = earned {
+            return (hypothesis, earned);
+        }
+        let (sound, earned) = hypothesis.pruned(case, &mut tried);
+        open.push((sound, Some(earned)));
+    }
 }
 
-impl Hypothesis {
-    /// Chi-square of fitted and held-out records with a price on parameters, in units of what the best model leaves.
-    fn cost(&self, best: &Self) -> f64 {
-        (self.polished.misfit.chi_square + self.holdout) / self.inflation.min(best.inflation).max(1.0)
-            + self.penalty
-    }
-
-    fn same_effects(&self, other: &Self) -> bool {
-        self.added.len() == other.added.len()
-            && self
-                .added
+/// Puts the answer together.
+fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned]) -> Diagnosis {
+    let predictions = fit::predict(&best.rig, case.train());
+    let noise_only = best.leaves_noise(case);
+    let verdict = match (noise_only, earned.is_empty()) {
+        (true, true) => Verdict::Adequate,
+        (true, false) => Verdict::Explained,
+        (false, _) => Verdict::Unexplained,
+    };
+    // Effects that leave much of the misfit are a help for prediction, not a name for what is there.
+    let excess = |misfit: &Misfit<f64>| (misfit.mean_square() - 1.0).max(0.0);
+    let explains = excess(&best.train.misfit) < (1.0 - NAMING_SHARE) * excess(&before.misfit);
+    let inflation = if noise_only { 1.0 } else { inflation(case, &predictions, &best.train.misfit) };
+    let estimates: Vec<Estimate> = best.estimates(inflation);
+    let stand_ins: Vec<Vec<Hypothesis>> = earned.iter().map(|earned| best.stand_ins(case, earned)).collect();
+    let found: Vec<Found> = earned
+        .iter()
+        .zip(&stand_ins)
+        .map(|(earned, others)| Found {
+            effect: earned.effect,
+            class: std::iter::once(earned.effect)
+                .chain(others.iter().filter_map(|other| other.added.last().copied()))
+                .collect(),
+            evidence: earned.evidence,
+            named: noise_only || explains,
+            estimates: estimates
                 .iter()
-                .all(|(effect, _)| other.added.iter().any(|(known, _)| known.name == effect.name))
-    }
-
-    fn leaves_noise(&self, case: &Case<'_>) -> bool {
-        [case.train, case.holdout].into_iter().all(|records| {
-            let predictions = fit::predict(&self.rig, records);
-            is_noise(case, &residuals(records, &predictions))
+                .filter(|estimate| earned.effect.parameters.contains(&estimate.parameter))
+                .copied()
+                .collect(),
         })
-    }
-
-    /// Looks at every effect that is not in the model yet.
-    fn look(&mut self, case: &Case<'_>) {
-        let (rig, ranges) = (&self.rig, &self.ranges);
-        self.prospects = EFFECTS
-            .par_iter()
-            .filter(|effect| candidate::applies(effect, rig, ranges))
-            .filter_map(|effect| candidate::look(effect, rig, ranges, case.train, case.noise))
-            .collect();
-    }
-
-    /// Fits the effects that promise to lower chi-square, best first.
-    fn fit_promising(&self, case: &Case<'_>) -> Vec<Candidate> {
-        let base = self.polished.misfit.chi_square;
-        let mut promising: Vec<&Prospect> = self
-            .prospects
-            .iter()
-            .filter(|prospect| base - prospect.foreseen.misfit.chi_square > PROMISING)
-            .collect();
-        promising.sort_by(|a, b| a.foreseen.misfit.chi_square.total_cmp(&b.foreseen.misfit.chi_square));
-        promising.truncate(MOST_FITTED);
-        let mut candidates: Vec<Candidate> = promising
-            .par_iter()
-            .filter_map(|prospect| prospect.fit(&self.rig, case.train, case.noise))
-            .collect();
-        candidates.sort_by(|a, b| a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square));
-        candidates
-    }
-
-    /// The hypotheses with one more effect that is significant, matters and validates, best first.
-    fn grow(&mut self, case: &Case<'_>) -> Vec<Self> {
-        self.look(case);
-        let candidates = self.fit_promising(case);
-        let Some(best) = candidates.first() else { return Vec::new() };
-        self.inflation = inflation(case, &best.rig, &best.fit.misfit);
-        let count = f64::from(self.polished.misfit.count);
-        let trials = 2.0 * (self.prospects.len() as f64).ln();
-        let ranked: Vec<(Candidate, f64, f64)> = candidates
-            .into_iter()
-            .map(|candidate| {
-                let gain =
-                    (self.polished.misfit.chi_square - candidate.fit.misfit.chi_square) / self.inflation;
-                let price = candidate.effect.parameters.len() as f64 * (count / self.inflation).ln().max(1.0)
-                    + trials;
-                (candidate, gain - price, price)
-            })
-            .collect();
-        self.runners_up =
-            ranked.iter().take(3).map(|(candidate, evidence, _)| (candidate.effect, *evidence)).collect();
-        ranked
-            .into_par_iter()
-            .filter(|(_, evidence, _)| *evidence > 0.0)
-            .filter(|(candidate, ..)| self.matters(case, candidate))
-            .map(|(candidate, evidence, price)| {
-                let holdout = score(case, &candidate.rig, case.holdout).chi_square;
-                (candidate, evidence, price, holdout)
-            })
-            .filter(|(.., holdout)| case.holdout.is_empty() || *holdout < self.holdout)
-            .map(|(candidate, evidence, price, holdout)| {
-                let mut added = self.added.clone();
-                added.push((candidate.effect, evidence));
-                Self {
-                    inflation: inflation(case, &candidate.rig, &candidate.fit.misfit),
-                    rig: candidate.rig,
-                    ranges: candidate.ranges,
-                    polished: candidate.fit,
-                    added,
-                    prospects: Vec::new(),
-                    penalty: self.penalty + price,
-                    holdout,
-                    runners_up: Vec::new(),
-                }
-            })
-            .collect()
-    }
-
-    /// The effects that could stand in for one that was added: with each in its place, the others kept, the records
-    /// are explained as well.
-    fn class_of(&self, case: &Case<'_>, effect: &'static EffectInfo) -> Vec<&'static EffectInfo> {
-        let mut without = self.clone();
-        without.rig.effects.retain(|known| known.name != effect.name);
-        for &parameter in effect.parameters {
-            without.rig.parameters.set(parameter, case.rig.parameters.get(parameter));
-        }
-        without.ranges.retain(|range| !effect.parameters.contains(&range.parameter));
-        let starts =
-            [without.ranges.iter().map(|range| without.rig.parameters.get(range.parameter)).collect()];
-        if let Some(fit) = fit::polish(&without.rig, &without.ranges, &starts, case.train, case.noise) {
-            without.rig = fit.applied(&without.rig, &without.ranges);
-            without.polished = fit;
-        }
-        without.look(case);
-        let price = |parameters: usize| parameters as f64 * f64::from(self.polished.misfit.count).ln();
-        let mine = self.polished.misfit.chi_square / self.inflation + price(effect.parameters.len());
-        let mut class = vec![effect];
-        class.extend(
-            without
-                .fit_promising(case)
-                .iter()
-                .filter(|other| other.effect.name != effect.name)
-                .filter(|other| {
-                    let theirs =
-                        other.fit.misfit.chi_square / self.inflation + price(other.effect.parameters.len());
-                    theirs - mine < CLASS_EVIDENCE
-                })
-                .map(|other| other.effect),
-        );
-        class
-    }
-
-    /// Does an effect change a prediction by more than the model's own error, or bias a fault beyond its error?
-    fn matters(&self, case: &Case<'_>, candidate: &Candidate) -> bool {
-        let records = if case.holdout.is_empty() { case.train } else { case.holdout };
-        let (without, with) = (fit::predict(&self.rig, records), fit::predict(&candidate.rig, records));
-        let mut sums = [0.0; MEASURED];
-        let mut count = 0_usize;
-        for (a, b) in without.iter().flatten().zip(with.iter().flatten()) {
-            for (sum, (a, b)) in sums.iter_mut().zip(a.to_array().into_iter().zip(b.to_array())) {
-                *sum += (a - b) * (a - b);
-            }
-            count += 1;
-        }
-        let changes = (0..MEASURED).any(|channel| {
-            case.noise[channel].is_finite()
-                && (sums[channel] / count.max(1) as f64).sqrt() > MODEL_ERROR[channel]
-        });
-        let biases = (0..case.rig.faults.len()).any(|index| {
-            let shift = (candidate.fit.values[index] - self.polished.values[index]).abs();
-            shift > 3.0 * candidate.fit.standard_error(index) * self.inflation.sqrt()
-        });
-        changes || biases
-    }
-
-    fn conclude(self, case: &Case<'_>, before: Fit, score_before: [Score; 2]) -> Diagnosis {
-        let predictions = fit::predict(&self.rig, case.train);
-        let residuals = residuals(case.train, &predictions);
-        let noise_only = self.leaves_noise(case);
-        let verdict = match (noise_only, self.added.is_empty()) {
-            (true, true) => Verdict::Adequate,
-            (true, false) => Verdict::Explained,
-            (false, _) => Verdict::Unexplained,
-        };
-        // Effects that leave most of the misfit are a help for prediction, not a name for what is there.
-        let excess = |misfit: &Misfit<f64>| (misfit.mean_square() - 1.0).max(0.0);
-        let explains = excess(&self.polished.misfit) < 0.1 * excess(&before.misfit);
-        let inflation = if noise_only { 1.0 } else { inflation(case, &self.rig, &self.polished.misfit) };
-        let estimates: Vec<Estimate> = self
-            .ranges
-            .iter()
-            .enumerate()
-            .map(|(index, range)| {
-                let standard_error = self.polished.standard_error(index) * inflation.sqrt();
-                Estimate::new(range, self.polished.values[index], standard_error)
-            })
-            .collect();
-        let found: Vec<Found> = self
-            .added
-            .iter()
-            .map(|&(effect, evidence)| Found {
-                effect,
-                class: self.class_of(case, effect),
-                evidence,
-                named: verdict == Verdict::Explained || explains,
-                estimates: estimates
-                    .iter()
-                    .filter(|estimate| effect.parameters.contains(&estimate.parameter))
-                    .copied()
-                    .collect(),
-            })
-            .collect();
-        let faults = (0..case.rig.faults.len())
-            .map(|index| Fault { estimate: estimates[index], confounded_with: self.confounded_with(index) })
-            .collect();
-        let score_after = [score(case, &self.rig, case.train), score(case, &self.rig, case.holdout)];
-        let left = (verdict == Verdict::Unexplained).then(|| {
-            let series = residual::series(case.train, &predictions, 0);
-            residual::describe(&case.train[0], &predictions[0], &series[0])
-        });
-        Diagnosis {
-            verdict,
-            before,
-            faults,
-            found,
-            noise: case.noise,
-            train: [score_before[0], score_after[0]],
-            holdout: (!case.holdout.is_empty()).then_some([score_before[1], score_after[1]]),
-            rig: self.rig,
-            predictions,
-            residuals,
-            left,
-            runners_up: self.runners_up,
-        }
-    }
-
-    /// Effects, not in the model, whose presence would leave a fault undetermined.
-    fn confounded_with(&self, fault: usize) -> Vec<&'static EffectInfo> {
-        let alone = self.polished.standard_error(fault);
-        self.prospects
+        .collect();
+    let prospects = best.look(case);
+    let confounded_with = |fault: usize| {
+        let alone = best.train.standard_error(fault);
+        prospects
             .iter()
             .filter(|prospect| prospect.foreseen.standard_error(fault) > CONFOUNDED * alone)
             .map(|prospect| prospect.effect)
             .collect()
+    };
+    let faults = (0..case.rig.faults.len())
+        .map(|index| {
+            let mut estimate = estimates[index];
+            // Whatever stands in for an effect has its own opinion of the faults: the interval holds them all.
+            for other in stand_ins.iter().flatten() {
+                let [lower, upper] = other.estimates(inflation)[index].ci95;
+                estimate.ci95 = [estimate.ci95[0].min(lower), estimate.ci95[1].max(upper)];
+            }
+            Fault { estimate, confounded_with: confounded_with(index) }
+        })
+        .collect();
+    let left = (!noise_only).then(|| {
+        let series = residual::series(case.train(), &predictions, 0);
+        residual::describe(&case.train()[0], &predictions[0], &series[0])
+    });
+    let rig = Rig { parameters: before.parameters, ..case.rig.clone() };
+    let scores = |records: &[Prepared]| [score(case, &rig, records), score(case, &best.rig, records)];
+    Diagnosis {
+        verdict,
+        faults,
+        found,
+        noise: case.noise,
+        train: scores(case.train()),
+        holdout: (!case.holdout().is_empty()).then(|| scores(case.holdout())),
+        residuals: residual::of_channels(case.train(), &predictions),
+        left,
+        rig: best.rig,
+        predictions,
+        before,
     }
 }
 
-fn covariance(fit: &Fit) -> Vec<Vec<f64>> {
-    fit.correlation
-        .iter()
-        .enumerate()
-        .map(|(row, correlations)| {
-            correlations
-                .iter()
-                .enumerate()
-                .map(|(column, correlation)| {
-                    correlation * fit.estimates[row].standard_error * fit.estimates[column].standard_error
-                })
-                .collect()
-        })
-        .collect()
-}
-
 /// How much larger than white noise of the stated size what a model leaves counts: mean square times correlation time.
-fn inflation(case: &Case<'_>, rig: &Rig, misfit: &Misfit<f64>) -> f64 {
-    let predictions = fit::predict(rig, case.train);
+fn inflation(case: &Case<'_>, predictions: &[Vec<Outputs<f64>>], misfit: &Misfit<f64>) -> f64 {
     let time = (0..MEASURED)
         .filter(|&channel| case.noise[channel].is_finite())
-        .map(|channel| fit::correlation_time(&residual::series(case.train, &predictions, channel)))
+        .map(|channel| fit::correlation_time(&residual::series(case.train(), predictions, channel)))
         .fold(1.0, f64::max);
     misfit.mean_square().max(1.0) * time
 }
@@ -489,16 +305,4 @@ fn score(case: &Case<'_>, rig: &Rig, records: &[Prepared]) -> Score {
         chi_square += sum / (case.noise[channel] * case.noise[channel]);
     }
     Score { position_rms, chi_square }
-}
-
-/// Residual of each measured channel.
-fn residuals(records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> [Option<ChannelResidual>; MEASURED] {
-    std::array::from_fn(|channel| residual::test(&residual::series(records, predictions, channel)))
-}
-
-/// Is the residual of every channel just noise?
-fn is_noise(case: &Case<'_>, residuals: &[Option<ChannelResidual>; MEASURED]) -> bool {
-    residuals.iter().enumerate().all(|(channel, residual)| {
-        residual.is_none_or(|residual| residual.is_noise(channel, case.known_noise[channel], RESIDUAL_LIMIT))
-    })
 }

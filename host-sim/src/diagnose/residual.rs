@@ -11,6 +11,9 @@ pub const MEASURED: usize = Channel::MEASURED.len();
 /// effect that changes a prediction by less does not matter.
 pub const MODEL_ERROR: [f64; MEASURED] = [0.3e-6, 0.3e-6, 3e-3, 3e3];
 
+/// Blocks in which a gain is looked at: long against the residual's correlation, many enough for a spread.
+const BLOCKS: usize = 64;
+
 /// Lags of the whiteness test.
 const LAGS: usize = 20;
 
@@ -31,6 +34,42 @@ pub struct ChannelResidual {
 pub fn series(records: &[Prepared], predictions: &[Vec<Outputs<f64>>], channel: usize) -> Vec<Vec<f64>> {
     let records: Vec<_> = records.iter().map(Prepared::as_core).collect();
     fit::residual_series(&records, predictions, channel)
+}
+
+/// Residual of each measured channel.
+pub fn of_channels(
+    records: &[Prepared],
+    predictions: &[Vec<Outputs<f64>>],
+) -> [Option<ChannelResidual>; MEASURED] {
+    std::array::from_fn(|channel| test(&series(records, predictions, channel)))
+}
+
+/// Fall of chi-square from one model's predictions to another's, in each of some [`BLOCKS`] blocks of the records.
+pub fn gains(
+    records: &[Prepared],
+    before: &[Vec<Outputs<f64>>],
+    after: &[Vec<Outputs<f64>>],
+    noise: [f64; MEASURED],
+) -> Vec<f64> {
+    let total: usize = records.iter().map(Prepared::len).sum();
+    let length = total.div_ceil(BLOCKS).max(1);
+    let mut gains = Vec::new();
+    for index in 0..records.len() {
+        let one = &records[index..=index];
+        let mut blocks = vec![0.0; one[0].len().div_ceil(length)];
+        for channel in (0..MEASURED).filter(|&channel| noise[channel].is_finite()) {
+            let before = series(one, &before[index..=index], channel).concat();
+            let after = series(one, &after[index..=index], channel).concat();
+            for (sample, (before, after)) in before.iter().zip(&after).enumerate() {
+                let gain = (before * before - after * after) / (noise[channel] * noise[channel]);
+                if gain.is_finite() {
+                    blocks[sample / length] += gain;
+                }
+            }
+        }
+        gains.extend(blocks);
+    }
+    gains
 }
 
 /// Tests the residual of a channel; none where no record has it.

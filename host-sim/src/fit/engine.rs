@@ -5,15 +5,15 @@ use crate::rig::{Range, Rig};
 use eha_monitor::fit::problem::{Free, Problem};
 use eha_monitor::fit::walk::Walk;
 use eha_monitor::integrate::Stepper;
+use eha_monitor::integrate::collocation::Collocation;
 use eha_monitor::integrate::exact::Exact;
-use eha_monitor::integrate::midpoint::Midpoint;
 use eha_monitor::model::state::{BASE_ORDER, FULL_ORDER, Outputs};
 
-/// Longest step of the midpoint rule in a fit, s: its error is then below 0.3 um on every command.
-pub const FIT_STEP: f64 = 5e-5;
+/// Distance of the ram, m, that a curved step may err by in a fit: some 0.01 um over a simulation.
+pub const FIT_TOLERANCE: f64 = 2e-9;
 
-/// Longest step of the midpoint rule where only a tendency is wanted, s.
-pub const LOOK_STEP: f64 = 1.25e-4;
+/// The same where only a tendency is wanted.
+pub const LOOK_TOLERANCE: f64 = 1e-7;
 
 /// Modes whose transition matrices are kept.
 const SLOTS: usize = 32;
@@ -23,8 +23,10 @@ pub type Base = Exact<f64, BASE_ORDER, SLOTS>;
 /// Exact steps of a model with every state.
 pub type Full = Exact<f64, FULL_ORDER, { SLOTS / 2 }>;
 
-/// Fixed steps of a model that is not piecewise affine.
-pub type Fixed = Midpoint<f64>;
+/// Steps of a base model with laws that are not affine.
+pub type CurvedBase = Collocation<f64, BASE_ORDER, SLOTS>;
+/// Steps of a model with every state and laws that are not affine.
+pub type CurvedFull = Collocation<f64, FULL_ORDER, { SLOTS / 2 }>;
 
 /// The integrators that a fit can use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,8 +35,10 @@ pub enum Engine {
     Base,
     /// [`Full`].
     Full,
-    /// [`Fixed`].
-    Midpoint,
+    /// [`CurvedBase`].
+    CurvedBase,
+    /// [`CurvedFull`].
+    CurvedFull,
 }
 
 impl Engine {
@@ -43,19 +47,18 @@ impl Engine {
         // A parameter that is free is not neutral inside its range.
         let inside = vec![0.618; problem.free.len()];
         let model = problem.model(&inside);
-        if !model.is_affine() {
-            Self::Midpoint
-        } else if model.order() == BASE_ORDER {
-            Self::Base
-        } else {
-            Self::Full
+        match (model.is_affine(), model.order() == BASE_ORDER) {
+            (true, true) => Self::Base,
+            (true, false) => Self::Full,
+            (false, true) => Self::CurvedBase,
+            (false, false) => Self::CurvedFull,
         }
     }
 }
 
 /// One stepper for a model and one for each of its neighbours in a finish.
-fn steppers<S: Clone>(stepper: S) -> Vec<S> {
-    vec![stepper; MAX_FREE + 1]
+fn steppers<S>(problem: &Problem<'_, f64>, make: impl Fn() -> S) -> Vec<S> {
+    (0..=problem.free.len()).map(|_| make()).collect()
 }
 
 /// Work that is done with whichever integrator a problem needs.
@@ -63,18 +66,18 @@ pub trait Job {
     /// What it gives.
     type Output;
 
-    /// Does it; `steppers` holds `MAX_FREE + 1` of them.
+    /// Does it; `steppers` holds one more than there are free parameters.
     fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Self::Output;
 }
 
 /// Makes the problem of fitting ranges (at most [`MAX_FREE`]) to records, and does a job on it with the integrator that
-/// it needs; `step` is the longest one, s, where that is the midpoint rule.
+/// it needs; `tolerance` is what one step may move the ram by in error, m, where laws are not affine.
 pub fn on_records<J: Job>(
     rig: &Rig,
     ranges: &[Range],
     records: &[Prepared],
     noise: [f64; 4],
-    step: f64,
+    tolerance: f64,
     job: J,
 ) -> J::Output {
     let free: Vec<Free<f64>> = ranges
@@ -86,9 +89,10 @@ pub fn on_records<J: Job>(
     let problem =
         Problem { form: rig.form, parameters: rig.parameters, free: &free, records: &records, noise };
     match Engine::of(&problem) {
-        Engine::Base => job.run(&problem, &mut steppers(Base::new())),
-        Engine::Full => job.run(&problem, &mut steppers(Full::new())),
-        Engine::Midpoint => job.run(&problem, &mut steppers(Fixed::new(step))),
+        Engine::Base => job.run(&problem, &mut steppers(&problem, Base::new)),
+        Engine::Full => job.run(&problem, &mut steppers(&problem, Full::new)),
+        Engine::CurvedBase => job.run(&problem, &mut steppers(&problem, || CurvedBase::new(tolerance))),
+        Engine::CurvedFull => job.run(&problem, &mut steppers(&problem, || CurvedFull::new(tolerance))),
     }
 }
 

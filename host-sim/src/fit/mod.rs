@@ -6,7 +6,7 @@ mod polish;
 mod prepare;
 
 pub use noise::{NoiseSource, correlation_time, estimate, residual_series};
-pub use polish::{Polished, foresee, polish};
+pub use polish::{Polished, approach, foresee, polish};
 pub use prepare::{Prepared, prepare};
 
 use crate::rig::{Range, Rig};
@@ -16,7 +16,7 @@ use eha_monitor::fit::problem::{Misfit, Problem};
 use eha_monitor::integrate::Stepper;
 use eha_monitor::model::state::Outputs;
 use eha_monitor::parameter::{Parameter, Parameters};
-use engine::{FIT_STEP, Job, on_records};
+use engine::{FIT_TOLERANCE, Job, on_records};
 use std::time::Instant;
 
 /// Most parameters that one fit may free.
@@ -107,6 +107,16 @@ impl Fit {
         self.estimates.iter().find(|estimate| estimate.parameter == parameter)
     }
 
+    /// Covariance of the estimates.
+    pub fn covariance(&self) -> Vec<Vec<f64>> {
+        let errors = self.estimates.iter().map(|estimate| estimate.standard_error);
+        errors
+            .clone()
+            .zip(&self.correlation)
+            .map(|(error, row)| row.iter().zip(errors.clone()).map(|(r, other)| r * error * other).collect())
+            .collect()
+    }
+
     /// Root mean square of the residual of the user position, m.
     pub fn position_rms(&self) -> f64 {
         self.residual_rms[0].unwrap_or(f64::NAN)
@@ -137,12 +147,12 @@ pub fn fit(
     settings: &FitSettings,
     mut watch: impl FnMut(Standing),
 ) -> Fit {
-    on_records(rig, ranges, records, noise, FIT_STEP, Search { settings, watch: &mut watch })
+    on_records(rig, ranges, records, noise, FIT_TOLERANCE, Search { settings, watch: &mut watch })
 }
 
 /// What a model with given parameters predicts for each record.
 pub fn predict(rig: &Rig, records: &[Prepared]) -> Vec<Vec<Outputs<f64>>> {
-    on_records(rig, &[], records, [f64::INFINITY; 4], FIT_STEP, Trace)
+    on_records(rig, &[], records, [f64::INFINITY; 4], FIT_TOLERANCE, Trace)
 }
 
 struct Trace;

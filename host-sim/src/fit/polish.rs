@@ -1,6 +1,6 @@
 //! A fit from given starts, without a global search: for a model that differs little from one that is fitted.
 
-use super::engine::{FIT_STEP, Job, LOOK_STEP, on_records};
+use super::engine::{FIT_TOLERANCE, Job, LOOK_TOLERANCE, on_records};
 use super::{MAX_FREE, Prepared};
 use crate::rig::{Range, Rig};
 use eha_monitor::fit::gauss_newton::{Normal, Settings, finish, normal_equations};
@@ -36,15 +36,56 @@ impl Polished {
     }
 }
 
-/// Goes to the bottom of the basin from each start and returns the lowest; none without a start.
-pub fn polish(
+/// Steps of an approach.
+const FIRST_STEPS: u32 = 3;
+/// A step is made if it promises to lower chi-square by this much, in units of the mean square that is left.
+const WORTH_A_STEP: f64 = 0.05;
+/// Widest forward difference, in standard errors of the parameter: what is found with a wider one is fitted again in a
+/// narrower range. An effect can be a ten-thousandth of the range in which it is looked for.
+const WIDEST_DIFFERENCE: f64 = 0.5;
+/// Half width of that range, in standard errors.
+const NARROW: f64 = 50.0;
+
+/// A few steps towards the bottom of the basin, with the tolerance of a look.
+pub fn approach(
     rig: &Rig,
     ranges: &[Range],
-    starts: &[Vec<f64>],
+    start: &[f64],
     records: &[Prepared],
     noise: [f64; 4],
 ) -> Option<Polished> {
-    on_records(rig, ranges, records, noise, FIT_STEP, Polish { starts })
+    on_records(rig, ranges, records, noise, LOOK_TOLERANCE, Polish { start, steps: FIRST_STEPS })
+}
+
+/// Goes to the bottom of the basin; none where the records hold nothing to compare.
+pub fn polish(
+    rig: &Rig,
+    ranges: &[Range],
+    start: Vec<f64>,
+    records: &[Prepared],
+    noise: [f64; 4],
+) -> Option<Polished> {
+    let settings = Settings::<f64>::default();
+    let go = |ranges: &[Range], start: &[f64]| {
+        on_records(rig, ranges, records, noise, FIT_TOLERANCE, Polish { start, steps: settings.steps })
+    };
+    let found = go(ranges, &start)?;
+    let narrow: Vec<Range> = ranges
+        .iter()
+        .enumerate()
+        .map(|(index, range)| {
+            let error = found.standard_error(index) * found.misfit.mean_square().max(1.0).sqrt();
+            let coarse = settings.difference * (range.upper - range.lower) > WIDEST_DIFFERENCE * error;
+            if coarse && error > 0.0 {
+                let value = found.values[index];
+                let (lower, upper) = (value - NARROW * error, value + NARROW * error);
+                Range { lower: lower.max(range.lower), upper: upper.min(range.upper), ..*range }
+            } else {
+                *range
+            }
+        })
+        .collect();
+    if narrow == ranges { Some(found) } else { go(&narrow, &found.values) }
 }
 
 /// What the linear model at each start foresees, without going there: one evaluation of the normal equations a start.
@@ -56,7 +97,7 @@ pub fn foresee(
     records: &[Prepared],
     noise: [f64; 4],
 ) -> Vec<Polished> {
-    on_records(rig, ranges, records, noise, LOOK_STEP, Foresee { starts })
+    on_records(rig, ranges, records, noise, LOOK_TOLERANCE, Foresee { starts })
 }
 
 type Genes = [f64; MAX_FREE];
@@ -112,24 +153,23 @@ impl Job for Foresee<'_> {
 }
 
 struct Polish<'a> {
-    starts: &'a [Vec<f64>],
+    start: &'a [f64],
+    /// Most steps.
+    steps: u32,
 }
 
 impl Job for Polish<'_> {
     type Output = Option<Polished>;
 
     fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Self::Output {
-        let settings = Settings { tolerance: 0.05, ..Settings::default() };
-        let mut evaluations = 0;
-        let mut finishes = Vec::new();
-        for start in self.starts {
-            let found = finish(problem, &genes_of(problem, start), &settings, steppers);
-            evaluations += found.evaluations;
-            finishes.push(found);
+        let genes = genes_of(problem, self.start);
+        let left = problem.misfit(&genes, &mut steppers[0]);
+        if left.count == 0 {
+            return None;
         }
-        let best = finishes
-            .iter()
-            .min_by(|a, b| a.normal.misfit.chi_square.total_cmp(&b.normal.misfit.chi_square))?;
-        Some(polished(problem, &best.genes, &best.normal, best.normal.misfit, evaluations))
+        let tolerance = WORTH_A_STEP * left.mean_square().max(1.0);
+        let settings = Settings { tolerance, steps: self.steps, ..Settings::default() };
+        let found = finish(problem, &genes, &settings, steppers);
+        Some(polished(problem, &found.genes, &found.normal, found.normal.misfit, found.evaluations + 1))
     }
 }

@@ -8,8 +8,11 @@ use eha_monitor::model::Drive;
 
 const MEASURED: usize = Channel::MEASURED.len();
 
-/// Samples that are averaged for the position at the start.
+/// Samples that are averaged for the position at a start that is not the commanded one.
 const START_SAMPLES: usize = 5;
+/// Standard deviations of the noise by which the first sample of a record that starts at rest at its command may differ
+/// from it: a chance of 6e-5.
+const START_SIGMA: f64 = 4.0;
 /// Time after which a closed loop has forgotten a start that was only measured, s.
 const SETTLE_S: f64 = 0.1;
 /// Time at the start of a record from which an offset of the command is taken, s.
@@ -69,8 +72,8 @@ impl Prepared {
 ///
 /// Where the rig says that commands carry an offset, it is removed.
 ///
-/// A closed loop starts at rest where the command is, if the first samples agree with that; else where they are, and
-/// the first 0.1 s is not compared. An open loop starts anew from the measured position and velocity at each restart.
+/// A closed loop starts at rest where the command is, if the first sample agrees with that (the next ones may be moving
+/// already); else where the first samples are, and the first 0.1 s is not compared. An open loop starts anew from the measured position and velocity at each restart.
 pub fn prepare(rig: &Rig, record: &Record, position_noise: f64) -> Prepared {
     let values = |channel: Channel| record.channel(channel).map(<[f64]>::to_vec);
     let mut command = values(Channel::Command).unwrap_or_default();
@@ -107,8 +110,8 @@ pub fn prepare(rig: &Rig, record: &Record, position_noise: f64) -> Prepared {
             position.iter().copied().filter(|x| x.is_finite()).take(START_SAMPLES).collect();
         let mean = first.iter().sum::<f64>() / first.len().max(1) as f64;
         let commanded = command.first().copied().unwrap_or(mean);
-        let tolerance = 6.0 * position_noise / (first.len().max(1) as f64).sqrt();
-        if (mean - commanded).abs() <= tolerance {
+        let at_command = first.first().is_none_or(|x| (x - commanded).abs() <= START_SIGMA * position_noise);
+        if at_command {
             (vec![Start { ram: commanded, velocity: 0.0 }], command.len(), 0)
         } else {
             let settle = ((SETTLE_S / sample_period) as usize).min(command.len() / 4);

@@ -61,17 +61,19 @@ impl Job<'_> {
     pub(super) fn run(&self) -> Result<(Diagnosis, Value), Failure> {
         let started = Instant::now();
         let (noise, _) = fit::estimate(&self.rig, &self.train);
-        let prepare = |records: &[Record]| -> Vec<Prepared> {
-            records.iter().map(|record| fit::prepare(&self.rig, record, noise[0])).collect()
-        };
-        let (train, holdout) = (prepare(&self.train), prepare(&self.holdout));
+        let records: Vec<Prepared> = self
+            .train
+            .iter()
+            .chain(&self.holdout)
+            .map(|record| fit::prepare(&self.rig, record, noise[0]))
+            .collect();
         let known_noise = Channel::MEASURED.map(|channel| self.rig.noise_of(channel));
         if self.rig.faults.is_empty() && self.rig.free.is_empty() {
             return Err(Failure::usage(
                 "the rig declares no fault and no free parameter: there is nothing to fit",
             ));
         }
-        let case = Case { rig: &self.rig, train: &train, holdout: &holdout, noise, known_noise };
+        let case = Case { rig: &self.rig, records: &records, fitted: self.train.len(), noise, known_noise };
         let settings = FitSettings { seed: self.common.seed, ..FitSettings::default() };
         let bar = output::bar(self.common, 100, "diagnosing");
         let diagnosis = diagnose(&case, &settings, &|what, share| {
@@ -276,10 +278,6 @@ fn warnings(diagnosis: &Diagnosis) -> Vec<String> {
             let name = fault.estimate.parameter.info().name;
             warnings.push(format!("{name} holds only if none of these is present: {}", names.join(", ")));
         }
-    }
-    if diagnosis.verdict == Verdict::Unexplained && !diagnosis.runners_up.is_empty() {
-        let names: Vec<&str> = diagnosis.runners_up.iter().map(|(effect, _)| effect.name).collect();
-        warnings.push(format!("no effect of the catalogue explains the rest; nearest: {}", names.join(", ")));
     }
     warnings
 }

@@ -1,0 +1,301 @@
+//! A model that may be the right one: effects added to the rig, all that is free fitted.
+
+use super::candidate::{self, Candidate, Prospect};
+use super::residual::{self, MEASURED, MODEL_ERROR};
+use super::{Case, RESIDUAL_LIMIT};
+use crate::fit::{self, Estimate, Fit, Polished};
+use crate::rig::{Range, Rig};
+use eha_monitor::effect::{EFFECTS, EffectInfo};
+use eha_monitor::model::state::Outputs;
+use rayon::prelude::*;
+
+/// Fall of chi-square that the linear model must foresee for an effect to be fitted: far below what is accepted.
+const PROMISING: f64 = 4.0;
+/// Most effects that are approached by rough fits for a hypothesis in a round, the most promising first.
+const MOST_APPROACHED: usize = 12;
+/// Most of them that are fitted.
+const MOST_FITTED: usize = 6;
+/// Most of them that are also fitted to the held-out records.
+const MOST_VALIDATED: usize = 4;
+/// Twice the logarithm of the odds (100 to 1) below which two effects are not told apart.
+const CLASS_EVIDENCE: f64 = 9.2;
+/// Rise of the held-out records' chi-square that chance explains (two standard deviations of one parameter).
+const HOLDOUT_CHANCE: f64 = 4.0;
+/// Standard errors, over blocks of the records, that a gain must have where what is left is not noise.
+const ROBUST_SIGMA: f64 = 2.0;
+
+/// What a model is made of, and how it fits.
+#[derive(Clone)]
+pub(super) struct Hypothesis {
+    /// The rig, with the values that fit the fitted records.
+    pub(super) rig: Rig,
+    pub(super) ranges: Vec<Range>,
+    /// Fit of the fitted records.
+    pub(super) train: Polished,
+    /// Fit of all records: what the held-out records add to its chi-square is their misfit, the uncertainty of the
+    /// parameters allowed for.
+    joint: Polished,
+    /// What the joint fit predicts, for every record.
+    predictions: Vec<Vec<Outputs<f64>>>,
+    /// Effects that were added.
+    pub(super) added: Vec<&'static EffectInfo>,
+}
+
+/// An effect that earns its place.
+pub(super) struct Earned {
+    pub(super) effect: &'static EffectInfo,
+    /// Twice the logarithm of the odds against the model without it.
+    pub(super) evidence: f64,
+    /// The model without it.
+    without: Hypothesis,
+}
+
+impl Hypothesis {
+    /// The model with the declared faults alone.
+    pub(super) fn root(case: &Case<'_>, fit: &Fit, ranges: Vec<Range>) -> Self {
+        let train = Polished {
+            values: fit.estimates.iter().map(|estimate| estimate.value).collect(),
+            misfit: fit.misfit,
+            covariance: fit.covariance(),
+            evaluations: fit.evaluations,
+        };
+        let rig = Rig { parameters: fit.parameters, ..case.rig.clone() };
+        Self::validated(case, rig, ranges, train, Vec::new())
+    }
+
+    /// Fits the held-out records as well.
+    fn validated(
+        case: &Case<'_>,
+        rig: Rig,
+        ranges: Vec<Range>,
+        train: Polished,
+        added: Vec<&'static EffectInfo>,
+    ) -> Self {
+        let joint = if case.holdout().is_empty() {
+            train.clone()
+        } else {
+            let start = train.values.clone();
+            fit::polish(&rig, &ranges, start, case.records, case.noise).unwrap_or_else(|| train.clone())
+        };
+        let predictions = fit::predict(&joint.applied(&rig, &ranges), case.records);
+        Self { rig, ranges, train, joint, predictions, added }
+    }
+
+    /// Mean square, in units of the noise, of what the model leaves; at least 1.
+    pub(super) fn scale(&self) -> f64 {
+        self.joint.misfit.mean_square().max(1.0)
+    }
+
+    /// Chi-square of all records in units of `scale`, with a price on every added parameter.
+    pub(super) fn cost(&self, scale: f64) -> f64 {
+        let price: f64 = self.added.iter().map(|effect| self.price(effect, scale)).sum();
+        self.joint.misfit.chi_square / scale + price
+    }
+
+    /// What an effect must gain to be believed: the logarithm of the number of samples for each of its parameters, and
+    /// the odds of having tried the whole catalogue.
+    fn price(&self, effect: &EffectInfo, scale: f64) -> f64 {
+        let count = f64::from(self.joint.misfit.count) / scale;
+        effect.parameters.len() as f64 * count.ln().max(1.0) + 2.0 * (EFFECTS.len() as f64).ln()
+    }
+
+    /// What is free, with errors for white noise that is `inflation` times as strong.
+    pub(super) fn estimates(&self, inflation: f64) -> Vec<Estimate> {
+        let values = self.ranges.iter().zip(&self.train.values).enumerate();
+        values
+            .map(|(index, (range, &value))| {
+                Estimate::new(range, value, self.train.standard_error(index) * inflation.sqrt())
+            })
+            .collect()
+    }
+
+    pub(super) fn same_effects(&self, other: &Self) -> bool {
+        same(&self.added, &other.added)
+    }
+
+    /// Is what the joint fit leaves just noise, in every record?
+    pub(super) fn leaves_noise(&self, case: &Case<'_>) -> bool {
+        let (train, holdout) = self.predictions.split_at(case.fitted);
+        [(case.train(), train), (case.holdout(), holdout)].into_iter().all(|(records, predictions)| {
+            let residuals = residual::of_channels(records, predictions);
+            residuals.iter().enumerate().all(|(channel, residual)| {
+                residual.is_none_or(|residual| {
+                    residual.is_noise(channel, case.known_noise[channel], RESIDUAL_LIMIT)
+                })
+            })
+        })
+    }
+
+    /// What the linear model says of every effect that is not in the model yet.
+    pub(super) fn look(&self, case: &Case<'_>) -> Vec<Prospect> {
+        EFFECTS
+            .par_iter()
+            .filter(|effect| candidate::applies(effect, &self.rig, &self.ranges))
+            .filter_map(|effect| candidate::look(effect, &self.rig, &self.ranges, case.train(), case.noise))
+            .collect()
+    }
+
+    /// Fits the effects that promise to lower chi-square, best first.
+    fn fit_promising(&self, case: &Case<'_>) -> Vec<Candidate> {
+        let base = self.train.misfit.chi_square;
+        let mut promising = self.look(case);
+        promising.retain(|prospect| base - prospect.foreseen.misfit.chi_square > PROMISING);
+        promising.sort_by(|a, b| a.foreseen.misfit.chi_square.total_cmp(&b.foreseen.misfit.chi_square));
+        promising.truncate(MOST_APPROACHED);
+        let mut near: Vec<(&Prospect, Polished)> = promising
+            .par_iter()
+            .filter_map(|prospect| Some((prospect, prospect.approach(&self.rig, case.train(), case.noise)?)))
+            .collect();
+        near.sort_by(|(_, a), (_, b)| a.misfit.chi_square.total_cmp(&b.misfit.chi_square));
+        near.truncate(MOST_FITTED);
+        let mut candidates: Vec<Candidate> = near
+            .into_par_iter()
+            .filter_map(|(prospect, near)| prospect.fit(&self.rig, near.values, case.train(), case.noise))
+            .collect();
+        candidates.sort_by(|a, b| a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square));
+        candidates
+    }
+
+    /// Makes hypotheses of candidates.
+    fn with(&self, case: &Case<'_>, candidates: Vec<Candidate>) -> Vec<Self> {
+        candidates
+            .into_par_iter()
+            .map(|candidate| {
+                let mut added = self.added.clone();
+                added.push(candidate.effect);
+                Self::validated(case, candidate.rig, candidate.ranges, candidate.fit, added)
+            })
+            .collect()
+    }
+
+    /// The hypotheses with one more effect that the fitted records ask for.
+    pub(super) fn grow(&self, case: &Case<'_>) -> Vec<Self> {
+        let mut candidates = self.fit_promising(case);
+        let Some(best) = candidates.first() else { return Vec::new() };
+        let scale = best.fit.misfit.mean_square().max(1.0);
+        let base = self.train.misfit.chi_square;
+        candidates.retain(|candidate| {
+            (base - candidate.fit.misfit.chi_square) / scale > self.price(candidate.effect, scale)
+        });
+        candidates.truncate(MOST_VALIDATED);
+        self.with(case, candidates)
+    }
+
+    /// The same model without an effect, fitted unless it is known.
+    fn without(&self, case: &Case<'_>, effect: &EffectInfo, known: &[Self]) -> Self {
+        let mut added = self.added.clone();
+        added.retain(|known| known.name != effect.name);
+        if let Some(known) = known.iter().find(|known| same(&known.added, &added)) {
+            return known.clone();
+        }
+        let mut rig = self.rig.clone();
+        rig.effects.retain(|known| known.name != effect.name);
+        for &parameter in effect.parameters {
+            rig.parameters.set(parameter, case.rig.parameters.get(parameter));
+        }
+        let mut ranges = self.ranges.clone();
+        ranges.retain(|range| !effect.parameters.contains(&range.parameter));
+        let start = ranges.iter().map(|range| rig.parameters.get(range.parameter)).collect();
+        let train =
+            fit::polish(&rig, &ranges, start, case.train(), case.noise).unwrap_or_else(|| self.train.clone());
+        let rig = train.applied(&rig, &ranges);
+        Self::validated(case, rig, ranges, train, added)
+    }
+
+    /// Drops the effects that do not earn their place beside the others, the weakest first. What was fitted before is
+    /// in `known`, and what is fitted now is added to it.
+    pub(super) fn pruned(mut self, case: &Case<'_>, known: &mut Vec<Self>) -> (Self, Vec<Earned>) {
+        loop {
+            let scale = self.scale();
+            let earned: Vec<Earned> = self
+                .added
+                .par_iter()
+                .map(|effect| {
+                    let without = self.without(case, effect, known);
+                    let gain = (without.joint.misfit.chi_square - self.joint.misfit.chi_square) / scale;
+                    Earned { effect, evidence: gain - self.price(effect, scale), without }
+                })
+                .collect();
+            for new in earned.iter().map(|earned| &earned.without) {
+                if !known.iter().any(|known| known.same_effects(new)) {
+                    known.push(new.clone());
+                }
+            }
+            let weakest = earned
+                .iter()
+                .filter(|earned| !self.earns(case, earned))
+                .min_by(|a, b| a.evidence.total_cmp(&b.evidence));
+            match weakest {
+                Some(weakest) => self = weakest.without.clone(),
+                None => return (self, earned),
+            }
+        }
+    }
+
+    /// Is an effect significant, does it matter, and do the held-out records agree?
+    fn earns(&self, case: &Case<'_>, earned: &Earned) -> bool {
+        let without = &earned.without;
+        let held_out = |model: &Self| model.joint.misfit.chi_square - model.train.misfit.chi_square;
+        let harm = (held_out(self) - held_out(without)) / self.scale();
+        earned.evidence > 0.0
+            && harm < HOLDOUT_CHANCE
+            && self.matters_against(case, without)
+            && (self.leaves_noise(case) || self.gains_everywhere(case, without))
+    }
+
+    /// Does it change a prediction by more than the model's own error, or move a fault by more than its error?
+    fn matters_against(&self, case: &Case<'_>, without: &Self) -> bool {
+        let mut sums = [0.0; MEASURED];
+        let mut count = 0_usize;
+        for (a, b) in without.predictions.iter().flatten().zip(self.predictions.iter().flatten()) {
+            for (sum, (a, b)) in sums.iter_mut().zip(a.to_array().into_iter().zip(b.to_array())) {
+                *sum += (a - b) * (a - b);
+            }
+            count += 1;
+        }
+        let changes = (0..MEASURED).any(|channel| {
+            case.noise[channel].is_finite()
+                && (sums[channel] / count.max(1) as f64).sqrt() > MODEL_ERROR[channel]
+        });
+        let biases = (0..case.rig.faults.len()).any(|index| {
+            let shift = (self.train.values[index] - without.train.values[index]).abs();
+            shift > 3.0 * self.train.standard_error(index) * self.scale().sqrt()
+        });
+        changes || biases
+    }
+
+    /// Is its gain over another model more than the luck of a few places? What is left is not noise, so the spread of
+    /// the gain over blocks of the records is what there is to go by.
+    fn gains_everywhere(&self, case: &Case<'_>, without: &Self) -> bool {
+        let gains = residual::gains(case.records, &without.predictions, &self.predictions, case.noise);
+        let count = gains.len().max(2) as f64;
+        let mean = gains.iter().sum::<f64>() / count;
+        let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        mean > ROBUST_SIGMA * (variance / count).sqrt()
+    }
+
+    /// The effects that could stand in for one that was added: with each in its place, the others kept, the records
+    /// are explained as well.
+    pub(super) fn stand_ins(&self, case: &Case<'_>, earned: &Earned) -> Vec<Self> {
+        let scale = self.scale();
+        let mine = |chi_square: f64, effect| chi_square / scale + self.price(effect, scale) + CLASS_EVIDENCE;
+        let limit = mine(self.train.misfit.chi_square, earned.effect);
+        let joint_limit = mine(self.joint.misfit.chi_square, earned.effect);
+        let mut others = earned.without.fit_promising(case);
+        others.retain(|other| {
+            other.effect.name != earned.effect.name
+                && other.fit.misfit.chi_square / scale + self.price(other.effect, scale) < limit
+        });
+        let mut others = earned.without.with(case, others);
+        others.retain(|other| {
+            let price = other.added.last().map_or(0.0, |effect| self.price(effect, scale));
+            other.joint.misfit.chi_square / scale + price < joint_limit
+        });
+        others
+    }
+}
+
+/// Do two models have the same effects?
+fn same(a: &[&EffectInfo], b: &[&EffectInfo]) -> bool {
+    a.len() == b.len() && a.iter().all(|effect| b.iter().any(|other| other.name == effect.name))
+}

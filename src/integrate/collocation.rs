@@ -1,0 +1,288 @@
+//! Steps of a model whose laws are not all affine: the affine part exact, the rest by collocation.
+//!
+//! Inside a mode the model is `z' = A z + b u + c + e r(z)`: the affine rate, and what metering, Stribeck friction and
+//! the like add to it at one or two places. Over a step `r` is taken as the parabola through its values at the start,
+//! the middle and the end, and the affine model answers a parabola exactly, by matrices (see
+//! [`ladder`](super::ladder)). The values at the middle and the end are those of the model at the states that follow
+//! from them: Newton's method finds them. The fast balance of ram and oil needs no short steps so: it is in `A`, and
+//! in Newton's slopes where metering changes it.
+//!
+//! A parabola differs from the straight line between its ends by the value in the middle. What that moves the ram by is
+//! the estimate of the error: far above the error itself, which falls with the fourth power of the step.
+
+use super::exact::LONGEST_STEP;
+use super::ladder::{Growth, Moments, Rung};
+use super::{Step, Stepper};
+use crate::model::Model;
+use crate::model::curved::{Curved, Term};
+use crate::model::state::{Input, Mode, PRESSURE, RAM, RAM_VELOCITY, State};
+use crate::scalar::Real;
+
+/// Lengths of step on a ladder, each twice the one below: 1 ms down to 1/256 ms.
+const LEVELS: usize = 9;
+/// Most iterations of Newton's method in a step.
+const ITERATIONS: usize = 5;
+/// Where Newton's method ends: its last change moves the ram by this part of the allowed error.
+const CONVERGED: f64 = 0.05;
+
+/// What the nodes of a parabola (start, middle, end) add to the state.
+#[derive(Clone, Copy, Debug)]
+struct Weights<T, const N: usize>([[T; N]; 3]);
+
+impl<T: Real, const N: usize> Weights<T, N> {
+    /// The answer after a time to a parabola over a step, from what powers of time add by then.
+    fn new(constant: &[T; N], ramp: &[T; N], parabola: &[T; N], step: T) -> Self {
+        // r = r0 + (-3 r0 + 4 rm - r1) s/h + (2 r0 - 4 rm + 2 r1) (s/h)^2
+        let (first, second) = (T::ONE / step, T::literal(2.0) / (step * step));
+        let weigh = |c: T, r: T, p: T| {
+            core::array::from_fn(|row| c * constant[row] + r * first * ramp[row] + p * second * parabola[row])
+        };
+        let count = T::literal;
+        Self([
+            weigh(T::ONE, count(-3.0), count(2.0)),
+            weigh(T::ZERO, count(4.0), count(-4.0)),
+            weigh(T::ZERO, count(-1.0), count(2.0)),
+        ])
+    }
+
+    fn add(&self, change: &mut [T; N], nodes: [T; 3]) {
+        for (weights, value) in self.0.iter().zip(nodes) {
+            for (change, &weight) in change.iter_mut().zip(weights) {
+                *change += weight * value;
+            }
+        }
+    }
+}
+
+/// The answers of one place where curved laws act, for one step length.
+#[derive(Clone, Copy, Debug)]
+struct Answer<T, const N: usize> {
+    middle: Weights<T, N>,
+    end: Weights<T, N>,
+}
+
+/// The steps of one mode.
+#[derive(Clone, Copy, Debug)]
+struct Ladder<T, const N: usize> {
+    key: u16,
+    /// The affine part, from half the finest step on: the half of a step is the whole of the one below.
+    rungs: [Rung<T, N>; LEVELS + 1],
+    /// What the curved laws add, for each step length.
+    answers: [Curved<Answer<T, N>>; LEVELS],
+}
+
+/// Steps for a model of `N` states, with matrices for `SLOTS` modes kept at a time.
+#[derive(Clone, Debug)]
+pub struct Collocation<T, const N: usize, const SLOTS: usize> {
+    tolerance: T,
+    sample_period: T,
+    finest: T,
+    units: u32,
+    ladders: [Option<Ladder<T, N>>; SLOTS],
+    next: usize,
+    slot: usize,
+    has_force: bool,
+    mode: Option<Mode>,
+    /// What the constant terms of the mode add, for each rung.
+    constants: [[T; N]; LEVELS + 1],
+}
+
+impl<T: Real, const N: usize, const SLOTS: usize> Collocation<T, N, SLOTS> {
+    /// Steps that err by less than some metres of ram position by their own estimate.
+    pub const fn new(tolerance: T) -> Self {
+        Self {
+            tolerance,
+            sample_period: T::ZERO,
+            finest: T::ZERO,
+            units: 0,
+            ladders: [None; SLOTS],
+            next: 0,
+            slot: 0,
+            has_force: false,
+            mode: None,
+            constants: [[T::ZERO; N]; LEVELS + 1],
+        }
+    }
+
+    fn occupied(&self, slot: usize, key: u16) -> bool {
+        self.ladders.get(slot).is_some_and(|ladder| ladder.as_ref().is_some_and(|ladder| ladder.key == key))
+    }
+
+    /// Finds or makes the matrices of a mode, and what the constant terms of the mode add.
+    #[cold]
+    fn prepare(&mut self, model: &Model<T>, mode: &Mode) {
+        let key = mode.key(model.has_directed_matrices());
+        if !self.occupied(self.slot, key) {
+            self.slot = (0..SLOTS).find(|&slot| self.occupied(slot, key)).unwrap_or_else(|| {
+                let slot = self.next;
+                self.next = (self.next + 1) % SLOTS;
+                if let Some(place) = self.ladders.get_mut(slot) {
+                    *place = Some(Ladder::new(model, mode, key, self.finest));
+                }
+                slot
+            });
+        }
+        let rate = model.affine_rate(mode, &State::default(), &Input::default(), T::ONE);
+        let rate = rate.leading::<N>();
+        if let Some(Some(ladder)) = self.ladders.get(self.slot) {
+            for (constants, rung) in self.constants.iter_mut().zip(&ladder.rungs) {
+                *constants = rung.of_constants(&rate);
+            }
+        }
+        self.mode = Some(*mode);
+    }
+}
+
+impl<T: Real, const N: usize> Ladder<T, N> {
+    fn new(model: &Model<T>, mode: &Mode, key: u16, finest: T) -> Self {
+        let rest = State::default();
+        let column = |curved: Curved<T>| {
+            model.rate_with(mode, &rest, &Input::default(), T::ZERO, &curved).leading::<N>()
+        };
+        let columns = [
+            column(Curved { force: T::ONE, ..Curved::default() }),
+            column(Curved { pressure_rate: T::ONE, ..Curved::default() }),
+        ];
+        let (mut growth, mut moments) = Growth::new(model, mode, finest * T::literal(0.5), columns);
+        let mut rungs = [growth.rung(); LEVELS + 1];
+        let answers = core::array::from_fn(|level| {
+            let step = growth.step + growth.step;
+            let powers = |growth: &Growth<T, N>, moment: &Moments<T, N>| {
+                let (constant, ramp) = (growth.constant_of(&moment.column), growth.ramp_of(&moment.column));
+                Weights::new(&constant, &ramp, &moment.parabola, step)
+            };
+            let middle = [powers(&growth, &moments[0]), powers(&growth, &moments[1])];
+            growth.double(&mut moments);
+            let end = [powers(&growth, &moments[0]), powers(&growth, &moments[1])];
+            let answer = |place: usize| Answer { middle: middle[place], end: end[place] };
+            rungs[level + 1] = growth.rung();
+            Curved { force: answer(0), pressure_rate: answer(1) }
+        });
+        Self { key, rungs, answers }
+    }
+}
+
+impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Collocation<T, N, SLOTS> {
+    const TOP: usize = LEVELS - 1;
+    const SHIFT: u32 = 1;
+
+    fn begin(&mut self, sample_period: T, has_force: bool, rig_changed: bool) {
+        if rig_changed || sample_period != self.sample_period {
+            let mut repeats: u32 = 1;
+            while repeats < 1024 && sample_period > T::literal(LONGEST_STEP) * T::from_count(repeats) {
+                repeats += 1;
+            }
+            self.units = repeats << Self::TOP;
+            self.finest = sample_period / T::from_count(self.units);
+            self.sample_period = sample_period;
+            self.ladders = [None; SLOTS];
+        }
+        self.has_force = has_force;
+        self.mode = None;
+    }
+
+    fn units(&self) -> u32 {
+        self.units
+    }
+
+    #[inline(always)]
+    fn calm(&self) -> u32 {
+        0
+    }
+
+    fn unit(&self) -> T {
+        self.finest
+    }
+
+    #[inline]
+    fn enter(&mut self, model: &Model<T>, mode: &Mode) {
+        if self.mode != Some(*mode) {
+            self.prepare(model, mode);
+        }
+    }
+
+    fn step(
+        &self,
+        model: &Model<T>,
+        mode: &Mode,
+        state: &State<T>,
+        input: &Input<T>,
+        force_rate: T,
+        level: usize,
+    ) -> Step<T> {
+        let Some(Some(ladder)) = self.ladders.get(self.slot) else { return Step::exact(*state) };
+        let Some(answers) = ladder.answers.get(level) else { return Step::exact(*state) };
+        let force_rate = self.has_force.then_some(force_rate);
+        let affine = |rung: usize| ladder.rungs[rung].change(&self.constants[rung], state, input, force_rate);
+        let (middle, end) = (affine(level), affine(level + 1));
+        let start = model.curved(mode, state);
+        let mut force = Nodes::constant(start.force);
+        let mut pressure = Nodes::constant(start.pressure_rate);
+        let mut moved = T::ZERO;
+        let has_pressure = N > PRESSURE;
+        let allowed = self.tolerance * T::literal(CONVERGED);
+        for _ in 0..ITERATIONS {
+            let (mut there, mut then) = (middle, end);
+            answers.force.middle.add(&mut there, force.values);
+            answers.force.end.add(&mut then, force.values);
+            if has_pressure {
+                answers.pressure_rate.middle.add(&mut there, pressure.values);
+                answers.pressure_rate.end.add(&mut then, pressure.values);
+            }
+            let there = model.curved(mode, &state.changed(&there));
+            let then = model.curved(mode, &state.changed(&then));
+            moved = force.improve(&answers.force, RAM_VELOCITY, [there.force, then.force]);
+            if has_pressure {
+                moved += pressure.improve(
+                    &answers.pressure_rate,
+                    PRESSURE,
+                    [there.pressure_rate, then.pressure_rate],
+                );
+            }
+            if moved <= allowed {
+                break;
+            }
+        }
+        let mut change = end;
+        answers.force.end.add(&mut change, force.values);
+        let mut error = force.bend(&answers.force) + moved;
+        if has_pressure {
+            answers.pressure_rate.end.add(&mut change, pressure.values);
+            error += pressure.bend(&answers.pressure_rate);
+        }
+        Step { state: state.changed(&change), error: error / self.tolerance }
+    }
+}
+
+/// The values of a curved term at the start, the middle and the end of a step.
+struct Nodes<T> {
+    values: [T; 3],
+}
+
+impl<T: Real> Nodes<T> {
+    fn constant(term: Term<T>) -> Self {
+        Self { values: [term.value; 3] }
+    }
+
+    /// One step of Newton's method towards the terms that the states have; `place` is the entry of the state that the
+    /// slopes refer to. Returns by how much it moves the ram, m.
+    fn improve<const N: usize>(&mut self, answer: &Answer<T, N>, place: usize, terms: [Term<T>; 2]) -> T {
+        let [middle, end] = terms;
+        let [_, by_middle, by_end] = &answer.middle.0;
+        let [_, end_by_middle, end_by_end] = &answer.end.0;
+        let (a, b) = (T::ONE - middle.slope * by_middle[place], -middle.slope * by_end[place]);
+        let (c, d) = (-end.slope * end_by_middle[place], T::ONE - end.slope * end_by_end[place]);
+        let (p, q) = (middle.value - self.values[1], end.value - self.values[2]);
+        let factor = T::ONE / (a * d - b * c);
+        let (first, second) = ((p * d - b * q) * factor, (a * q - c * p) * factor);
+        self.values[1] += first;
+        self.values[2] += second;
+        (end_by_middle[RAM] * first).magnitude() + (end_by_end[RAM] * second).magnitude()
+    }
+
+    /// How far the ram moves because the parabola is not straight, m.
+    fn bend<const N: usize>(&self, answer: &Answer<T, N>) -> T {
+        let [start, middle, end] = self.values;
+        (answer.end.0[1][RAM] * (middle - (start + end) * T::literal(0.5))).magnitude()
+    }
+}

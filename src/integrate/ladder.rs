@@ -1,0 +1,286 @@
+//! Transition matrices of one mode, for steps of several lengths.
+//!
+//! Inside a mode the affine part of the model is `z' = A z + b u + c` with an input that is linear over a sample, so a
+//! step of any length is one matrix product. `A`, `b` and `c` are read off [`Model::affine_rate`].
+//!
+//! A product is kept as increments, `exp(A h) - 1`, which loses nothing to rounding where `exp(A h)` is close to 1:
+//! in `f32` this keeps a simulated second within some nanometres of `f64`. For the same reason ram and command enter
+//! as their difference: a loop that does not know where it is (no spring load) then has a column of exact zeros.
+
+use crate::model::Model;
+use crate::model::state::{FULL_ORDER, Input, Mode, RAM, State};
+use crate::scalar::Real;
+
+/// Terms of the series for the shortest step.
+const TERMS: u32 = 14;
+
+/// A matrix by columns: a product then adds whole columns, which a vector unit does side by side.
+pub(super) type Columns<T, const N: usize> = [[T; N]; N];
+
+/// One step length: what `z`, the inputs and the constant terms add to `z`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rung<T, const N: usize> {
+    /// `exp(A h) - 1`, but for the column of the ram: there, what a shift of ram and command together adds.
+    transition: Columns<T, N>,
+    /// `integral of exp(A s)`, for constant rates.
+    constant: Columns<T, N>,
+    /// Weight of the position error, command minus ram.
+    error: [T; N],
+    command_rate: [T; N],
+    force: [T; N],
+    force_rate: [T; N],
+}
+
+impl<T: Real, const N: usize> Rung<T, N> {
+    /// What a step adds to a state, given what the constant terms add.
+    #[inline(always)]
+    pub(super) fn change(
+        &self,
+        constants: &[T; N],
+        state: &State<T>,
+        input: &Input<T>,
+        force_rate: Option<T>,
+    ) -> [T; N] {
+        let z = state.leading::<N>();
+        let error = (input.command - state.ram) - state.ram_rest;
+        let mut change = *constants;
+        for row in 0..N {
+            change[row] += self.error[row] * error;
+            change[row] += self.command_rate[row] * input.command_rate;
+        }
+        for (column, &value) in self.transition.iter().zip(&z) {
+            for row in 0..N {
+                change[row] += column[row] * value;
+            }
+        }
+        if let Some(force_rate) = force_rate {
+            for row in 0..N {
+                change[row] += self.force[row] * input.force + self.force_rate[row] * force_rate;
+            }
+        }
+        change
+    }
+
+    /// What constant rates add.
+    pub(super) fn of_constants(&self, rate: &[T; N]) -> [T; N] {
+        apply(&self.constant, rate)
+    }
+}
+
+/// A system in a mode and its matrices for a step that can be doubled.
+pub(super) struct Growth<T, const N: usize> {
+    system: System<T, N>,
+    /// Length of the step, s.
+    pub(super) step: T,
+    /// `exp(A h) - 1`.
+    transition: Columns<T, N>,
+    /// `integral of exp(A s)`.
+    constant: Columns<T, N>,
+    /// The integral of that.
+    ramp: Columns<T, N>,
+}
+
+impl<T: Real, const N: usize> Growth<T, N> {
+    /// A mode's matrices for a step, s, and those of rates that grow as a power of time (see [`Moments`]).
+    pub(super) fn new<const EXTRA: usize>(
+        model: &Model<T>,
+        mode: &Mode,
+        length: T,
+        columns: [[T; N]; EXTRA],
+    ) -> (Self, [Moments<T, N>; EXTRA]) {
+        let system = System::<T, N>::of(model, mode);
+        let a = &system.a;
+        let halvings = halvings(a, length);
+        let mut step = length;
+        for _ in 0..halvings {
+            step *= T::literal(0.5);
+        }
+        // ramp = integral of integral of exp(A s) = h^2/2 (1 + Ah/3 (1 + Ah/4 (...))),
+        // constant = h + A ramp, transition = A constant.
+        let mut ramp = [[T::ZERO; N]; N];
+        add_diagonal(&mut ramp, T::ONE);
+        for term in (0..TERMS).rev() {
+            ramp = multiply(a, &ramp, step / T::from_count(term + 3));
+            add_diagonal(&mut ramp, T::ONE);
+        }
+        ramp = ramp.map(|column| column.map(|value| value * (step * step * T::literal(0.5))));
+        let mut constant = multiply(a, &ramp, T::ONE);
+        add_diagonal(&mut constant, step);
+        let transition = multiply(a, &constant, T::ONE);
+        let mut moments = columns.map(|column| {
+            // h^3/6 (1 + Ah/4 (1 + Ah/5 (...)))
+            let mut parabola = column;
+            for term in (0..TERMS).rev() {
+                let scale = step / T::from_count(term + 4);
+                parabola = apply(a, &parabola);
+                for (value, &unit) in parabola.iter_mut().zip(&column) {
+                    *value = unit + *value * scale;
+                }
+            }
+            let scale = step * step * step * T::literal(1.0 / 6.0);
+            Moments { column, parabola: parabola.map(|value| value * scale) }
+        });
+        let mut growth = Self { system, step, transition, constant, ramp };
+        for _ in 0..halvings {
+            growth.double(&mut moments);
+        }
+        (growth, moments)
+    }
+
+    /// Doubles the step.
+    pub(super) fn double(&mut self, moments: &mut [Moments<T, N>]) {
+        let two = T::literal(2.0);
+        for moment in moments {
+            let mut next = apply(&self.transition, &moment.parabola);
+            let (constant, ramp) = (self.constant_of(&moment.column), self.ramp_of(&moment.column));
+            let half_square = self.step * self.step * T::literal(0.5);
+            for row in 0..N {
+                next[row] += two * moment.parabola[row] + self.step * ramp[row] + half_square * constant[row];
+            }
+            moment.parabola = next;
+        }
+        let mut next = multiply(&self.transition, &self.ramp, T::ONE);
+        accumulate(&mut next, &self.ramp, two);
+        accumulate(&mut next, &self.constant, self.step);
+        self.ramp = next;
+        let mut next = multiply(&self.transition, &self.constant, T::ONE);
+        accumulate(&mut next, &self.constant, two);
+        self.constant = next;
+        let mut next = multiply(&self.transition, &self.transition, T::ONE);
+        accumulate(&mut next, &self.transition, two);
+        self.transition = next;
+        self.step *= two;
+    }
+
+    /// What a constant rate adds.
+    pub(super) fn constant_of(&self, rate: &[T; N]) -> [T; N] {
+        apply(&self.constant, rate)
+    }
+
+    /// What a rate that grows as the time adds.
+    pub(super) fn ramp_of(&self, rate: &[T; N]) -> [T; N] {
+        apply(&self.ramp, rate)
+    }
+
+    /// The step as a rung.
+    pub(super) fn rung(&self) -> Rung<T, N> {
+        let system = &self.system;
+        let mut command_rate = self.ramp_of(&system.command);
+        for (value, direct) in command_rate.iter_mut().zip(self.constant_of(&system.command_rate)) {
+            *value += direct;
+        }
+        let mut transition = self.transition;
+        transition[RAM] = self.constant_of(&system.shift);
+        Rung {
+            transition,
+            constant: self.constant,
+            error: self.constant_of(&system.command),
+            command_rate,
+            force: self.constant_of(&system.force),
+            force_rate: self.ramp_of(&system.force),
+        }
+    }
+}
+
+/// What a rate along a column adds if it grows as half the square of time.
+pub(super) struct Moments<T, const N: usize> {
+    /// The column.
+    pub(super) column: [T; N],
+    /// `integral of exp(A (h - s)) s^2/2`, times the column.
+    pub(super) parabola: [T; N],
+}
+
+/// The matrix and the columns of `z' = A z + b u` in a mode, read off the model's rate.
+struct System<T, const N: usize> {
+    a: Columns<T, N>,
+    /// Rate when ram and command are shifted together by 1.
+    shift: [T; N],
+    command: [T; N],
+    command_rate: [T; N],
+    force: [T; N],
+}
+
+impl<T: Real, const N: usize> System<T, N> {
+    fn of(model: &Model<T>, mode: &Mode) -> Self {
+        let rate = |state: &State<T>, input: Input<T>| {
+            model.affine_rate(mode, state, &input, T::ZERO).leading::<N>()
+        };
+        let none = Input::default();
+        let mut a = [[T::ZERO; N]; N];
+        for (index, column) in a.iter_mut().enumerate() {
+            let mut unit = [T::ZERO; FULL_ORDER];
+            unit[index] = T::ONE;
+            *column = rate(&State::from_array(unit), none);
+        }
+        let rest = State::default();
+        let command = Input { command: T::ONE, ..none };
+        Self {
+            a,
+            shift: rate(&State { ram: T::ONE, ..rest }, command),
+            command: rate(&rest, command),
+            command_rate: rate(&rest, Input { command_rate: T::ONE, ..none }),
+            force: rate(&rest, Input { force: T::ONE, ..none }),
+        }
+    }
+}
+
+/// How often a step must be halved before the series converges fast: until `h` times the rates on the diagonal and
+/// the frequencies of pairs of states (`sqrt(A_ij A_ji)`) is below one half.
+fn halvings<T: Real, const N: usize>(a: &Columns<T, N>, step: T) -> u32 {
+    let mut largest = T::ZERO;
+    for row in 0..N {
+        for column in 0..=row {
+            largest = largest.larger((a[row][column] * a[column][row]).magnitude());
+        }
+    }
+    let mut square = largest * step * step;
+    let mut count = 0;
+    while square > T::literal(0.25) && count < 24 {
+        square *= T::literal(0.25);
+        count += 1;
+    }
+    count
+}
+
+fn add_diagonal<T: Real, const N: usize>(matrix: &mut Columns<T, N>, value: T) {
+    for (index, column) in matrix.iter_mut().enumerate() {
+        column[index] += value;
+    }
+}
+
+fn multiply<T: Real, const N: usize>(
+    left: &Columns<T, N>,
+    right: &Columns<T, N>,
+    factor: T,
+) -> Columns<T, N> {
+    let mut product = [[T::ZERO; N]; N];
+    for (sum, column) in product.iter_mut().zip(right) {
+        for (&coefficient, terms) in column.iter().zip(left) {
+            if coefficient != T::ZERO {
+                let scaled = coefficient * factor;
+                for (sum, &term) in sum.iter_mut().zip(terms) {
+                    *sum += scaled * term;
+                }
+            }
+        }
+    }
+    product
+}
+
+fn accumulate<T: Real, const N: usize>(sum: &mut Columns<T, N>, matrix: &Columns<T, N>, factor: T) {
+    for (column, terms) in sum.iter_mut().zip(matrix) {
+        for (value, &term) in column.iter_mut().zip(terms) {
+            *value += factor * term;
+        }
+    }
+}
+
+fn apply<T: Real, const N: usize>(matrix: &Columns<T, N>, vector: &[T; N]) -> [T; N] {
+    let mut product = [T::ZERO; N];
+    for (column, &value) in matrix.iter().zip(vector) {
+        for (sum, &term) in product.iter_mut().zip(column) {
+            *sum += term * value;
+        }
+    }
+    product
+}
