@@ -92,6 +92,8 @@ enum Phase {
     Score(usize),
     /// Breeding.
     Breed(usize),
+    /// Back to the first bottom, which no other has beaten.
+    Return,
 }
 
 /// The analysis of one window.
@@ -100,8 +102,8 @@ pub(super) struct Analysis<const GENES: usize, const POPULATION: usize> {
     phase: Phase,
     pass: Pass<GENES>,
     here: Option<Found<GENES>>,
-    /// Bottom of the first descent.
-    first: Option<Found<GENES>>,
+    /// Bottom of the first descent: genes and chi-square.
+    first: Option<([f32; GENES], f32)>,
     search: Option<SteadyState<f32, GENES, POPULATION>>,
     steps_down: u32,
     halvings: u32,
@@ -114,6 +116,7 @@ pub(super) struct Analysis<const GENES: usize, const POPULATION: usize> {
 
 impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
     /// The start of the analysis of a window at a guess.
+    #[inline(always)]
     pub(super) fn new<const SAMPLES: usize>(
         scene: &Scene<'_, GENES, SAMPLES>,
         guess: &[f32; GENES],
@@ -152,6 +155,9 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
     }
 
     /// What to walk after a pass has ended: genes, and whether their derivatives are wanted. None: the end.
+    ///
+    /// Not inlined: what it copies would lie on the stack below the whole simulation.
+    #[inline(never)]
     fn next<const SAMPLES: usize>(
         &mut self,
         scene: &Scene<'_, GENES, SAMPLES>,
@@ -174,6 +180,10 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
                     None => self.breed(0),
                 }
             }
+            Phase::Return => {
+                self.here = Some(self.there(scene));
+                None
+            }
             Phase::Breed(children) => {
                 let cost = self.pass.sums().misfit().mean_square();
                 if let Some(search) = &mut self.search {
@@ -184,16 +194,21 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
         }
     }
 
-    /// The next place of a descent; none at its bottom.
-    fn descend<const SAMPLES: usize>(&mut self, scene: &Scene<'_, GENES, SAMPLES>) -> Option<[f32; GENES]> {
+    /// Where the pass that has ended was.
+    fn there<const SAMPLES: usize>(&self, scene: &Scene<'_, GENES, SAMPLES>) -> Found<GENES> {
         let sums = *self.pass.sums();
-        let there = Found {
+        Found {
             genes: self.pass.genes,
             normal: sums.normal(),
             sums,
             path: *self.pass.path(),
             end: self.pass.end(scene),
-        };
+        }
+    }
+
+    /// The next place of a descent; none at its bottom.
+    fn descend<const SAMPLES: usize>(&mut self, scene: &Scene<'_, GENES, SAMPLES>) -> Option<[f32; GENES]> {
+        let there = self.there(scene);
         match &mut self.here {
             Some(here) if !is_less(there.normal.misfit.chi_square, here.normal.misfit.chi_square) => {
                 self.halvings += 1;
@@ -216,21 +231,20 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
     /// What follows the bottom of a descent: the end, or a search for a better basin.
     fn conclude(&mut self, seeds: Option<&[[f32; GENES]; POPULATION]>) -> Option<([f32; GENES], bool)> {
         let here = self.here?;
-        let settled = match &self.first {
-            Some(first) => {
-                let (before, now) = (first.normal.misfit.chi_square, here.normal.misfit.chi_square);
-                if before < now {
-                    self.here = Some(*first);
-                }
-                before - now <= (1e-3 * before).max(1.0)
-            }
-            None => false,
-        };
+        let chi_square = here.normal.misfit.chi_square;
+        let settled = self.first.is_some_and(|(_, first)| first - chi_square <= (1e-3 * first).max(1.0));
+        if let Some((genes, first)) = self.first
+            && first < chi_square
+        {
+            self.phase = Phase::Return;
+            self.here = None;
+            return Some((genes, true));
+        }
         let says_nothing = here.path.reversals == 0;
         if here.is_explained() || settled || says_nothing || self.evaluations >= EVALUATIONS {
             return None;
         }
-        self.first = Some(here);
+        self.first = Some((here.genes, chi_square));
         let mut search =
             SteadyState::new(Settings { population: POPULATION, ..Settings::default() }, GENES, self.seed);
         search.insert(&here.genes, here.normal.misfit.mean_square());

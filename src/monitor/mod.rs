@@ -299,7 +299,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         if self.analysis.get().is_none() {
             self.stepper.begin(config.sample_period, false, !self.has_begun);
             self.has_begun = true;
-            self.analysis = Slot::Full(Analysis::new(&scene, &self.genes, seed));
+            begin(&mut self.analysis, &scene, &self.genes, seed);
         }
         let Some(analysis) = self.analysis.get_mut() else { return };
         let seeds = self.has_seeds.then_some(&self.seeds);
@@ -316,6 +316,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     }
 
     /// What an analysis says: takes its estimates and its evidence over.
+    #[inline(never)]
     fn conclude(&mut self, found: &Found<FAULTS>) -> Report<FAULTS> {
         let [first, second] = &self.windows;
         let window = if self.second_fills { first } else { second };
@@ -418,6 +419,17 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         let window = self.filling();
         window.filled = window.filled.min(SAMPLES as u32 - 1);
     }
+}
+
+/// Begins an analysis where it will stay. Not inlined: its copy would lie on the stack below the whole simulation.
+#[inline(never)]
+fn begin<const SAMPLES: usize, const FAULTS: usize, const POPULATION: usize>(
+    place: &mut Slot<Analysis<FAULTS, POPULATION>>,
+    scene: &Scene<'_, FAULTS, SAMPLES>,
+    guess: &[f32; FAULTS],
+    seed: u64,
+) {
+    *place = Slot::Full(Analysis::new(scene, guess, seed));
 }
 
 /// Samples at the start of a window that are not compared.

@@ -13,8 +13,9 @@ use crate::model::sensor::{Lvdt, LvdtState};
 use crate::model::state::{Input, InputSegment, Mode, State};
 use crate::parameter::Reach;
 
-/// Samples that one motion walks before the next one follows.
-const CHUNK: usize = 16;
+/// Samples that one motion walks before the next one follows: more would save what a change of model costs, and take
+/// more of the monitor's memory than its budget has.
+const CHUNK: usize = 14;
 /// Width of the forward difference, in genes.
 const DIFFERENCE: f32 = 2e-3;
 
@@ -146,6 +147,12 @@ pub(super) struct Scene<'a, const GENES: usize, const SAMPLES: usize> {
 }
 
 impl<const GENES: usize, const SAMPLES: usize> Scene<'_, GENES, SAMPLES> {
+    /// The input where the motion starts.
+    fn first_input(&self) -> Input<f32> {
+        let first = self.window.get(0).command(self.scale);
+        Input { command: self.start.command.unwrap_or(first), command_rate: 0.0, force: 0.0 }
+    }
+
     /// The line of the command that leads to a sample; none where the motion starts there.
     fn segment(&self, sample: usize) -> Option<InputSegment<f32>> {
         let before = match sample.checked_sub(1) {
@@ -168,27 +175,26 @@ impl<const GENES: usize, const SAMPLES: usize> Scene<'_, GENES, SAMPLES> {
     }
 }
 
+/// Widths of the differences; they point inwards at the upper bound.
+fn widths<const GENES: usize>(genes: &[f32; GENES]) -> [f32; GENES] {
+    genes.map(|gene| if gene + DIFFERENCE > 1.0 { -DIFFERENCE } else { DIFFERENCE })
+}
+
 impl<const GENES: usize> Pass<GENES> {
     /// The start of a walk of a candidate.
+    #[inline(always)]
     pub(super) fn new<const SAMPLES: usize>(
         scene: &Scene<'_, GENES, SAMPLES>,
         genes: &[f32; GENES],
         with_neighbours: bool,
     ) -> Self {
         let Scene { config, start, .. } = scene;
-        let first = start.command.unwrap_or_else(|| scene.window.get(0).command(scene.scale));
-        // Differences point inwards at the upper bound.
-        let widths =
-            core::array::from_fn(
-                |gene| if genes[gene] + DIFFERENCE > 1.0 { -DIFFERENCE } else { DIFFERENCE },
-            );
         let model = config.model(genes);
-        let input = Input { command: first, command_rate: 0.0, force: 0.0 };
-        let base = Run::starting(&model, start.state, start.mode, &input);
+        let base = Run::starting(&model, start.state, start.mode, &scene.first_input());
         let tap = Tap::new(&model, config.sample_period, start.user);
         let mut pass = Self {
             genes: *genes,
-            widths,
+            widths: widths(genes),
             with_neighbours,
             model,
             base,
@@ -204,15 +210,7 @@ impl<const GENES: usize> Pass<GENES> {
             sums: Sums::NONE,
             path: Path::start(start.state.ground()),
         };
-        if with_neighbours {
-            for gene in 0..GENES {
-                let model = config.model(&pass.genes_of(gene + 1));
-                pass.is_own[gene] =
-                    Model::<f32>::reach(config.form, config.faults[gene].free.parameter) != Reach::Output;
-                pass.moved[gene] = Run::starting(&model, start.state, start.mode, &input);
-                pass.moved_taps[gene] = Tap::new(&model, config.sample_period, start.user);
-            }
-        }
+        pass.restart(scene, genes, with_neighbours);
         pass
     }
 
@@ -349,14 +347,36 @@ impl<const GENES: usize> Pass<GENES> {
         }
     }
 
-    /// Starts again with other genes.
+    /// Starts again with other genes. Not inlined: see [`Analysis`](super::analysis::Analysis).
+    #[inline(never)]
     pub(super) fn restart<const SAMPLES: usize>(
         &mut self,
         scene: &Scene<'_, GENES, SAMPLES>,
         genes: &[f32; GENES],
         with_neighbours: bool,
     ) {
-        *self = Self::new(scene, genes, with_neighbours);
+        let Scene { config, start, .. } = scene;
+        self.genes = *genes;
+        self.widths = widths(genes);
+        self.with_neighbours = with_neighbours;
+        self.model = config.model(genes);
+        let input = scene.first_input();
+        self.base = Run::starting(&self.model, start.state, start.mode, &input);
+        self.base_tap = Tap::new(&self.model, config.sample_period, start.user);
+        self.is_own = [false; GENES];
+        self.sums = Sums::NONE;
+        self.path = Path::start(start.state.ground());
+        self.place = None;
+        (self.turn, self.chunk, self.done) = (0, 0, 0);
+        for gene in 0..GENES {
+            if with_neighbours {
+                let model = config.model(&self.genes_of(gene + 1));
+                self.is_own[gene] =
+                    Model::<f32>::reach(config.form, config.faults[gene].free.parameter) != Reach::Output;
+                self.moved[gene] = Run::starting(&model, start.state, start.mode, &input);
+                self.moved_taps[gene] = Tap::new(&model, config.sample_period, start.user);
+            }
+        }
     }
 
     /// Evaluations of the model that it is worth.

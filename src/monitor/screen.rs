@@ -1,7 +1,7 @@
 //! What is wrong with samples is found here, counted, and never gets further.
 //!
 //! A sample waits for its successor, so that a spike can be told from a jump. A few lost samples are bridged: the
-//! command by a line, the measured values left out. Over more the stream is broken and a window starts anew.
+//! command by a parabola, the measured values left out. Over more the stream is broken and a window starts anew.
 
 use super::sample::Sample;
 use super::slot::Slot;
@@ -151,6 +151,9 @@ pub(super) struct Screen {
     pub(super) newest: Slot<Screened>,
     /// User position and current of the one before it.
     pub(super) before: [Option<f32>; 2],
+    /// Commands of the two samples before the newest, the later one first, and how many of them there are.
+    pub(super) commands: [f32; 2],
+    pub(super) known: u32,
     /// Samples in a row with ticks out of order.
     pub(super) disorder: u32,
     /// For user position and current.
@@ -159,8 +162,14 @@ pub(super) struct Screen {
 
 impl Screen {
     /// Has seen nothing.
-    pub(super) const NEW: Self =
-        Self { newest: Slot::Empty, before: [None; 2], disorder: 0, still: [Still::NEW; 2] };
+    pub(super) const NEW: Self = Self {
+        newest: Slot::Empty,
+        before: [None; 2],
+        commands: [0.0; 2],
+        known: 0,
+        disorder: 0,
+        still: [Still::NEW; 2],
+    };
 
     /// Looks at a sample. Bounded: at most [`LONGEST_BRIDGE`] samples go to the sink besides it.
     pub(super) fn look(&mut self, sample: &Sample, limits: &Limits, sink: &mut impl Sink) {
@@ -251,10 +260,9 @@ impl Screen {
         }
         sink.accept(&newest);
         self.before = [newest.user, newest.current];
-        let pieces = (gap + 1) as f32;
+        let bridge = Bridge::over(newest.command, self.commands, self.known, next.command, gap + 1);
         for lost in 1..=gap {
-            let part = lost as f32 / pieces;
-            let command = newest.command + (next.command - newest.command) * part;
+            let command = bridge.at(lost).max(-limits.position).min(limits.position);
             sink.accept(&Screened {
                 tick: newest.tick.wrapping_add(lost),
                 command,
@@ -263,6 +271,34 @@ impl Screen {
             });
             self.before = [None; 2];
         }
+        (self.commands, self.known) = if gap == 0 {
+            ([newest.command, self.commands[0]], (self.known + 1).min(2))
+        } else {
+            ([0.0; 2], 0)
+        };
+    }
+}
+
+/// The command over a gap: a parabola from the slope before it to the value behind it. A line would be off by tens of
+/// micrometres where the command turns, and the model with it.
+struct Bridge {
+    start: f32,
+    slope: f32,
+    bend: f32,
+}
+
+impl Bridge {
+    /// From the last command before a gap, and the two before that as far as they are known, to the one behind it.
+    fn over(start: f32, before: [f32; 2], known: u32, end: f32, samples: u32) -> Self {
+        let length = samples as f32;
+        let slope =
+            if known < 2 { (end - start) / length } else { 1.5 * start - 2.0 * before[0] + 0.5 * before[1] };
+        Self { start, slope, bend: (end - start - slope * length) / (length * length) }
+    }
+
+    fn at(&self, sample: u32) -> f32 {
+        let time = sample as f32;
+        self.start + time * (self.slope + time * self.bend)
     }
 }
 

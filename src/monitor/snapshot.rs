@@ -189,7 +189,7 @@ fn slot(archive: &mut impl Archive, slot: &mut Slot<Start>) {
 }
 
 fn screen<A: Archive>(archive: &mut A, screen: &mut Screen) {
-    let Screen { newest, before, disorder, still } = screen;
+    let Screen { newest, before, commands, known, disorder, still } = screen;
     let mut waiting = newest.get().copied();
     archive.maybe(&mut waiting, |archive, sample: &mut Screened| {
         archive.word(&mut sample.tick);
@@ -201,6 +201,10 @@ fn screen<A: Archive>(archive: &mut A, screen: &mut Screen) {
     for value in before {
         archive.maybe(value, A::float);
     }
+    for command in commands {
+        archive.float(command);
+    }
+    archive.word(known);
     archive.word(disorder);
     for Still { value, count, lowest, highest, stuck } in still {
         for value in [value, lowest, highest] {

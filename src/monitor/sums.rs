@@ -142,7 +142,12 @@ impl<const GENES: usize> Sums<GENES> {
         if count == 0 || square <= 0.0 {
             return 1.0;
         }
-        let correlation = (lagged / square).max(0.0).min(0.95);
+        let correlation = saturated(lagged / square);
         (square / count as f32 * (1.0 + correlation) / (1.0 - correlation)).max(1.0)
     }
+}
+
+/// A correlation between 0 and 0.95. (`clamp` can panic, as far as the compiler sees.)
+fn saturated(correlation: f32) -> f32 {
+    if correlation > 0.95 { 0.95 } else { correlation.max(0.0) }
 }

@@ -4,8 +4,10 @@ mod limits;
 
 pub use limits::Budget;
 
-use crate::emulator::{BuildOptions, Emulator, Machine};
+use crate::emulator::{Binary, BuildOptions, Emulator, Machine};
 use crate::failure::Failure;
+use crate::hil::{Session, line::Line};
+use std::collections::BTreeMap;
 
 /// One figure against its limit.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -45,18 +47,8 @@ impl Target {
     /// # Errors
     /// It does not build or run, or a budget of the file is not measured.
     pub fn measure(machine: Machine, features: &[&str]) -> Result<Self, Failure> {
-        let options = BuildOptions::for_machine(machine);
-        let features = features.iter().map(|&feature| feature.to_owned()).collect();
-        let firmware = BuildOptions { features, ..options }.build().map_err(Failure::other)?;
-        let log = Emulator::new(machine).run(&firmware).map_err(Failure::other)?;
-        if log.exit_code != 0 {
-            let name = machine.name();
-            return Err(Failure::other(format!("{name}: the firmware ended with code {}", log.exit_code)));
-        }
-        let footprint = firmware.footprint().map_err(Failure::other)?;
-        let mut measures = log.measures;
-        measures.insert("image.static_ram_bytes".to_owned(), footprint.static_ram_bytes);
-        measures.insert("image.flash_bytes".to_owned(), footprint.flash_bytes);
+        let mut measures = of_workload(machine, features)?;
+        measures.append(&mut of_monitor(machine, features)?);
         let measure = |budget: Budget| {
             let (value, limit) = (budget.figure(&measures)?, budget.limit(machine.name())?);
             Ok(Measure { budget, value, limit })
@@ -68,5 +60,39 @@ impl Target {
     /// The figures that are above their limits.
     pub fn overruns(&self) -> impl Iterator<Item = &Measure> {
         self.measures.iter().filter(|measure| !measure.is_kept())
+    }
+}
+
+/// What the workload measures, and what its image takes.
+fn of_workload(machine: Machine, features: &[&str]) -> Result<BTreeMap<String, u64>, Failure> {
+    let options = BuildOptions::for_machine(machine).with(Binary::Workload, features);
+    let firmware = options.build().map_err(Failure::other)?;
+    let log = Emulator::new(machine).run(&firmware).map_err(Failure::other)?;
+    ended_well(machine, log.exit_code)?;
+    let footprint = firmware.footprint().map_err(Failure::other)?;
+    let image = [("static_ram_bytes", footprint.static_ram_bytes), ("flash_bytes", footprint.flash_bytes)];
+    let image = image.map(|(name, value)| (format!("workload.{name}"), value));
+    let measures = log.measures.into_iter().map(|(name, value)| (format!("workload.{name}"), value));
+    Ok(measures.chain(image).collect())
+}
+
+/// What the streaming monitor measures on a short flight, and what its image takes.
+fn of_monitor(machine: Machine, features: &[&str]) -> Result<BTreeMap<String, u64>, Failure> {
+    let options = BuildOptions::for_machine(machine).with(Binary::Monitor, features);
+    let footprint = options.build().and_then(|firmware| firmware.footprint()).map_err(Failure::other)?;
+    let outcome = Session::reference()?.run(Line::to_emulator(machine, features)?, |_| {})?;
+    let log = outcome.log.ok_or_else(|| Failure::other("the monitor's run left no log"))?;
+    ended_well(machine, log.exit_code)?;
+    let image = [("static_ram_bytes", footprint.static_ram_bytes), ("flash_bytes", footprint.flash_bytes)];
+    let image = image.map(|(name, value)| (format!("monitor.{name}"), value));
+    let measures = log.measures.into_iter().map(|(name, value)| (format!("monitor.{name}"), value));
+    Ok(measures.chain(image).collect())
+}
+
+fn ended_well(machine: Machine, code: i32) -> Result<(), Failure> {
+    if code == 0 {
+        Ok(())
+    } else {
+        Err(Failure::other(format!("{}: the firmware ended with code {code}", machine.name())))
     }
 }

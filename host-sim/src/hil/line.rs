@@ -30,9 +30,7 @@ impl Line {
     /// # Errors
     /// It does not build, or QEMU does not start.
     pub fn to_emulator(machine: Machine, features: &[&str]) -> Result<Self, Failure> {
-        let features = features.iter().map(|&feature| feature.to_owned()).collect();
-        let options =
-            BuildOptions { binary: Binary::Monitor, features, ..BuildOptions::for_machine(machine) };
+        let options = BuildOptions::for_machine(machine).with(Binary::Monitor, features);
         let firmware = options.build().map_err(Failure::other)?;
         let listener = TcpListener::bind(("127.0.0.1", 0)).map_err(Failure::other)?;
         listener.set_nonblocking(true).map_err(Failure::other)?;

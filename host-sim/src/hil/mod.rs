@@ -9,19 +9,24 @@ pub mod stream;
 
 use crate::emulator::RunLog;
 use crate::failure::Failure;
+use crate::rig::{BUILT_IN, Rig};
 use damage::{Damage, Injected};
+use eha_monitor::fit::problem::Free;
 use eha_monitor::integrate::exact::Exact;
 use eha_monitor::link::frame::{Decoder, LONGEST, encode};
 use eha_monitor::link::message::{FAULTS, FromMonitor, ReportMessage, SAMPLES, Setup, ToMonitor};
 use eha_monitor::link::station::Station;
 use eha_monitor::model::Model;
 use eha_monitor::model::state::BASE_ORDER;
-use eha_monitor::monitor::config::Config;
+use eha_monitor::monitor::config::{Config, Fault};
+use eha_monitor::parameter::Parameter;
+use eha_monitor::trial::SensorNoise;
 use line::Line;
 use std::io::{Read, Write};
 use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
+use stream::{Growth, Simulated};
 
 /// Samples in a window of the firmware's monitor, and members of its population.
 pub const WINDOW: usize = 1000;
@@ -73,6 +78,49 @@ struct Piece {
 }
 
 impl Session {
+    /// The flight that budgets are measured on: the second window has grown faults, the third knows them.
+    ///
+    /// # Errors
+    /// None, unless the built-in rig is broken.
+    pub fn reference() -> Result<Self, Failure> {
+        let rig = Rig::load(BUILT_IN[0].name)?;
+        let fault = |parameter, lower, upper, healthy, alarm| Fault {
+            free: Free { parameter, lower, upper },
+            healthy,
+            alarm,
+        };
+        let faults = [
+            fault(Parameter::Backlash, 0.0, 1.5e-3, 1e-4, 2e-4),
+            fault(Parameter::DryFriction, 200.0, 4000.0, 400.0, 600.0),
+        ];
+        let noise = SensorNoise { user: 5e-6, current: 0.02 };
+        let mut parameters = rig.parameters;
+        for fault in &faults {
+            parameters.set(fault.free.parameter, fault.healthy.into());
+        }
+        let growth = |parameter, value| Growth { parameter, value, start: 0.0 };
+        let simulated = Simulated {
+            form: rig.form,
+            parameters,
+            growths: vec![growth(Parameter::Backlash, 4e-4), growth(Parameter::DryFriction, 800.0)],
+            command: "mixed".to_owned(),
+            seconds: 4.2,
+            sample_period: 1e-3,
+            noise: [noise.user.into(), noise.current.into()],
+            seed: 1,
+        };
+        let config = Config {
+            form: rig.form,
+            parameters: rig.parameters.to_f32(),
+            sample_period: 1e-3,
+            noise,
+            faults,
+            false_alarm_rate: Config::<FAULTS>::FALSE_ALARM_RATE,
+            seed: 1,
+        };
+        Ok(Self { config, samples: simulated.samples()?, damage: 0.0, seed: 1 })
+    }
+
     /// Looks whether the firmware can run the model.
     ///
     /// # Errors
