@@ -12,11 +12,13 @@ use rayon::prelude::*;
 /// Fall of chi-square that the linear model must foresee for an effect to be fitted: far below what is accepted.
 const PROMISING: f64 = 4.0;
 /// Most effects that are approached by rough fits for a hypothesis in a round, the most promising first.
-const MOST_APPROACHED: usize = 12;
+const MOST_APPROACHED: usize = 10;
 /// Most of them that are fitted.
 const MOST_FITTED: usize = 6;
 /// Most of them that are also fitted to the held-out records.
 const MOST_VALIDATED: usize = 4;
+/// A fault whose standard error grows by this factor when an effect is fitted beside it is confounded with the effect.
+const CONFOUNDED: f64 = 5.0;
 /// Twice the logarithm of the odds (100 to 1) below which two effects are not told apart.
 const CLASS_EVIDENCE: f64 = 9.2;
 /// Rise of the held-out records' chi-square that chance explains (two standard deviations of one parameter).
@@ -86,6 +88,12 @@ impl Hypothesis {
         self.joint.misfit.mean_square().max(1.0)
     }
 
+    /// Share of another model's misfit beyond noise that this one takes away.
+    pub(super) fn share_of(&self, other: &Self) -> f64 {
+        let excess = |model: &Self| (model.joint.misfit.mean_square() - 1.0).max(0.0);
+        1.0 - excess(self) / excess(other).max(f64::MIN_POSITIVE)
+    }
+
     /// Chi-square of all records in units of `scale`, with a price on every added parameter.
     pub(super) fn cost(&self, scale: f64) -> f64 {
         let price: f64 = self.added.iter().map(|effect| self.price(effect, scale)).sum();
@@ -135,13 +143,24 @@ impl Hypothesis {
             .collect()
     }
 
-    /// Fits the effects that promise to lower chi-square, best first.
+    /// For each declared fault: would an effect leave it undetermined?
+    pub(super) fn confuses(&self, case: &Case<'_>, prospect: &Prospect) -> impl Iterator<Item = bool> {
+        (0..case.rig.faults.len()).map(|fault| {
+            prospect.foreseen.standard_error(fault) > CONFOUNDED * self.train.standard_error(fault)
+        })
+    }
+
+    /// Fits the effects that promise to lower chi-square, and those that are mixed up with a fault: the fault may be
+    /// far from the truth in place of the effect, and the linear model there says nothing. The best first.
     fn fit_promising(&self, case: &Case<'_>) -> Vec<Candidate> {
         let base = self.train.misfit.chi_square;
-        let mut promising = self.look(case);
-        promising.retain(|prospect| base - prospect.foreseen.misfit.chi_square > PROMISING);
-        promising.sort_by(|a, b| a.foreseen.misfit.chi_square.total_cmp(&b.foreseen.misfit.chi_square));
+        let gain = |prospect: &Prospect| base - prospect.foreseen.misfit.chi_square;
+        let (mut asked, mut promising): (Vec<Prospect>, Vec<Prospect>) =
+            self.look(case).into_iter().partition(|prospect| self.confuses(case, prospect).any(|mixed| mixed));
+        promising.retain(|prospect| gain(prospect) > PROMISING);
+        promising.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
         promising.truncate(MOST_APPROACHED);
+        promising.append(&mut asked);
         let mut near: Vec<(&Prospect, Polished)> = promising
             .par_iter()
             .filter_map(|prospect| Some((prospect, prospect.approach(&self.rig, case.train(), case.noise)?)))

@@ -26,6 +26,7 @@ use crate::rig::Rig;
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
+use candidate::Prospect;
 use hypothesis::{Earned, Hypothesis};
 use residual::{ChannelResidual, Description, MEASURED};
 
@@ -35,8 +36,9 @@ const MOST_EFFECTS: usize = 3;
 const BEAM: usize = 3;
 /// Standard deviations of the residual tests: with four channels, a chance of 1e-4 of a false alarm.
 const RESIDUAL_LIMIT: f64 = 5.0;
-/// A fault whose standard error grows by this factor when an effect is fitted beside it is confounded with the effect.
-const CONFOUNDED: f64 = 5.0;
+/// Share of the misfit beyond noise that the effects so far must take away for another to be tried beside them: where
+/// the catalogue does not help at all, more of it does not either.
+const GROWING_SHARE: f64 = 0.2;
 /// Share of the misfit beyond noise that effects must take away to be named although something else is left.
 const NAMING_SHARE: f64 = 0.99;
 
@@ -179,7 +181,8 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f
         tried.extend(grown.iter().cloned());
         let best = grown.first().map_or(f64::INFINITY, |first| first.cost(scale));
         let settled = beam.iter().all(|parent| parent.cost(scale) <= best);
-        if settled || grown.iter().any(|hypothesis| hypothesis.leaves_noise(case)) {
+        let helpless = grown.iter().all(|hypothesis| hypothesis.share_of(&tried[0]) < GROWING_SHARE);
+        if settled || helpless || grown.iter().any(|hypothesis| hypothesis.leaves_noise(case)) {
             break;
         }
         beam = grown;
@@ -240,12 +243,8 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned]) -
         .collect();
     let prospects = best.look(case);
     let confounded_with = |fault: usize| {
-        let alone = best.train.standard_error(fault);
-        prospects
-            .iter()
-            .filter(|prospect| prospect.foreseen.standard_error(fault) > CONFOUNDED * alone)
-            .map(|prospect| prospect.effect)
-            .collect()
+        let mixed_up = |prospect: &&Prospect| best.confuses(case, prospect).nth(fault) == Some(true);
+        prospects.iter().filter(mixed_up).map(|prospect| prospect.effect).collect()
     };
     let faults = (0..case.rig.faults.len())
         .map(|index| {
