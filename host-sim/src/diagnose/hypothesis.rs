@@ -155,8 +155,10 @@ impl Hypothesis {
     fn fit_promising(&self, case: &Case<'_>) -> Vec<Candidate> {
         let base = self.train.misfit.chi_square;
         let gain = |prospect: &Prospect| base - prospect.foreseen.misfit.chi_square;
-        let (mut asked, mut promising): (Vec<Prospect>, Vec<Prospect>) =
-            self.look(case).into_iter().partition(|prospect| self.confuses(case, prospect).any(|mixed| mixed));
+        let (mut asked, mut promising): (Vec<Prospect>, Vec<Prospect>) = self
+            .look(case)
+            .into_iter()
+            .partition(|prospect| self.confuses(case, prospect).any(|mixed| mixed));
         promising.retain(|prospect| gain(prospect) > PROMISING);
         promising.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
         promising.truncate(MOST_APPROACHED);

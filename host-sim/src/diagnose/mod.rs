@@ -23,10 +23,10 @@ pub mod residual;
 
 use crate::fit::{self, Estimate, Fit, FitSettings, Prepared};
 use crate::rig::Rig;
+use candidate::Prospect;
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
-use candidate::Prospect;
 use hypothesis::{Earned, Hypothesis};
 use residual::{ChannelResidual, Description, MEASURED};
 
