@@ -17,6 +17,7 @@ use eha_monitor::monitor::report::Verdict;
 use eha_monitor::parameter::Parameter;
 use eha_monitor::trial::SensorNoise;
 use serde_json::{Value, json};
+use std::fmt::Write as _;
 use std::path::PathBuf;
 
 /// Options of `hil`.
@@ -198,7 +199,7 @@ fn verdict_name(report: &ReportMessage) -> &'static str {
 fn heading(config: &Config<FAULTS>) -> String {
     let mut text = format!("{:>6} {:>16}", "window", "verdict");
     for fault in &config.faults {
-        text += &format!(" {:>26} {:>8}", fault.free.parameter.info().name, "evidence");
+        let _ = write!(text, " {:>26} {:>8}", fault.free.parameter.info().name, "evidence");
     }
     text + &format!(" {:>12} {:>8} {:>7} {:>6}", "residual", "excluded", "latency", "alarm")
 }
@@ -211,7 +212,7 @@ fn line_of(config: &Config<FAULTS>, report: &ReportMessage) -> String {
         let unit = fault.free.parameter.info().unit;
         let error = if informative { quantity(f64::from(*error), unit) } else { "-".to_owned() };
         let value = quantity(f64::from(*value), unit);
-        text += &format!(" {value:>13} +- {error:>9} {:>7.0}%", evidence * 100.0);
+        let _ = write!(text, " {value:>13} +- {error:>9} {:>7.0}%", evidence * 100.0);
     }
     let alarms: Vec<&str> = config
         .faults
@@ -236,7 +237,8 @@ fn summary(outcome: &Outcome) -> String {
         if outcome.is_identical { "gives the same bytes" } else { "DIFFERS" }
     );
     let injected = outcome.injected;
-    text += &format!(
+    let _ = write!(
+        text,
         "\n{} bytes sent; on the way {} were lost, {} damaged, {} repeated, {} reordered",
         outcome.bytes, injected.lost, injected.flipped, injected.repeated, injected.reordered
     );
@@ -246,14 +248,15 @@ fn summary(outcome: &Outcome) -> String {
         ..
     }) = outcome.status
     {
-        text += &format!(
+        let _ = write!(
+            text,
             "\nreceived: {bytes} bytes, {frames} frames whole, {damaged} damaged; {samples} samples, {windows} windows, \
              {skipped} skipped"
         );
     }
     if let Some(log) = &outcome.log {
         for (name, value) in &log.measures {
-            text += &format!("\nmeasured: {name} = {value}");
+            let _ = write!(text, "\nmeasured: {name} = {value}");
         }
     }
     text
