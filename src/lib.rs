@@ -16,3 +16,8 @@ pub mod random;
 pub mod scalar;
 pub mod simulate;
 pub mod trial;
+
+/// The guide's code, compiled and run with the documentation's examples.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/guide-firmware.md")]
+pub struct FirmwareGuide;

@@ -47,6 +47,8 @@ pub(crate) enum Verb {
     Demo(verb::demo::Options),
     /// Make a record: HF or LF model, command, faults, effects, sensor noise.
     Simulate(verb::simulate::Options),
+    /// What records are worth before any fit: sampling, noise, delay, and what they can tell of the faults.
+    Check(verb::check::Options),
     /// Faults from records.
     Identify(verb::identify::Options),
     /// Free parameters of a rig from records; writes a rig file with `--out`.
@@ -61,10 +63,14 @@ pub(crate) enum Verb {
     Commands,
     /// The built-in rigs; with a name or file, everything in it.
     Rigs(verb::lists::RigsOptions),
-    /// Convert a MAT (v5, v7.3) or foreign CSV file to a record.
+    /// Convert a MAT (v5, v7.3), Parquet or foreign CSV file to a record.
     Import(verb::import::Options),
     /// Hardware in the loop: samples to the firmware's monitor over a serial line, its estimates as they come.
     Hil(verb::hil::Options),
     /// What the firmware costs on the emulated boards, against its limits.
     Budget(verb::budget::Options),
+    /// Completions for a shell: `host-sim completions bash > /etc/bash_completion.d/host-sim`.
+    Completions(verb::shell::CompletionsOptions),
+    /// The manual page of the program or a verb; with `--out DIR`, all of them as files.
+    Man(verb::shell::ManOptions),
 }

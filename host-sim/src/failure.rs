@@ -1,5 +1,6 @@
 //! Why the program ends without a result, and its exit code.
 
+use crate::interrupt;
 use crate::record::RecordError;
 use std::fmt;
 
@@ -14,11 +15,13 @@ pub enum FailureKind {
     Data,
     /// No convergence within the budget.
     Convergence,
+    /// The user ended it.
+    Interrupted,
 }
 
 /// The exit codes of the program, for its help.
 pub const EXIT_CODES: &str = "Exit codes: 0 done, 1 failure, 2 usage or configuration, 3 bad input data, \
-                              4 no convergence within the budget.";
+                              4 no convergence within the budget, 130 interrupted (the result is what was found so far).";
 
 impl FailureKind {
     /// Exit code of the process.
@@ -28,6 +31,7 @@ impl FailureKind {
             Self::Usage => 2,
             Self::Data => 3,
             Self::Convergence => 4,
+            Self::Interrupted => interrupt::EXIT_CODE,
         }
     }
 }
@@ -59,6 +63,11 @@ impl Failure {
     /// No convergence within the budget.
     pub fn convergence(message: impl fmt::Display) -> Self {
         Self { kind: FailureKind::Convergence, message: message.to_string() }
+    }
+
+    /// The user ended it.
+    pub fn interrupted(message: impl fmt::Display) -> Self {
+        Self { kind: FailureKind::Interrupted, message: message.to_string() }
     }
 }
 

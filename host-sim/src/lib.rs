@@ -4,6 +4,7 @@
 //! cli.rs --> verb/*.rs, one file a verb
 //!              |-- record/   CSV and MAT in, CSV out          |-- emulator/ firmware under QEMU
 //!              |-- rig/      what is known of the actuator    |-- output.rs results to stdout, log to stderr
+//!              |-- inspect/  what a record is worth             |-- report/  HTML with plots, trace.rs samples
 //!              |-- fit/      records + rig --> core search --> estimates, residuals
 //! ```
 
@@ -14,11 +15,15 @@ pub mod emulator;
 pub mod failure;
 pub mod fit;
 pub mod hil;
+pub mod inspect;
+pub mod interrupt;
 pub mod output;
 pub mod plant;
 pub mod record;
+mod report;
 pub mod rig;
 pub mod thesis;
+pub mod trace;
 pub mod verb;
 
 use cli::{Cli, Verb};
@@ -41,6 +46,7 @@ pub fn run(cli: &Cli) -> Result<(), Failure> {
     match &cli.verb {
         Verb::Demo(options) => verb::demo::run(common, options),
         Verb::Simulate(options) => verb::simulate::run(common, options),
+        Verb::Check(options) => verb::check::run(common, options),
         Verb::Identify(options) => verb::identify::run(common, options),
         Verb::Diagnose(options) => verb::diagnose::run(common, options),
         Verb::Calibrate(options) => verb::calibrate::run(common, options),
@@ -51,5 +57,7 @@ pub fn run(cli: &Cli) -> Result<(), Failure> {
         Verb::Import(options) => verb::import::run(common, options),
         Verb::Hil(options) => verb::hil::run(common, options),
         Verb::Budget(options) => verb::budget::run(common, options),
+        Verb::Completions(options) => verb::shell::completions(options),
+        Verb::Man(options) => verb::shell::man(common, options),
     }
 }

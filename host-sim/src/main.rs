@@ -8,7 +8,9 @@ fn main() -> ExitCode {
     match host_sim::run(&Cli::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("error: {failure}");
+            let style = clap::builder::Styles::styled();
+            let error = style.get_error();
+            anstream::eprintln!("{error}error:{error:#} {failure}");
             ExitCode::from(failure.kind.exit_code())
         }
     }

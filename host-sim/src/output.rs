@@ -4,6 +4,7 @@ use crate::cli::Common;
 use crate::failure::Failure;
 use crate::fit::{Estimate, Fit, NoiseSource, Standing};
 use crate::record::{Record, write_csv};
+use crate::report::REPORT_FILE;
 use crate::rig::{Range, Rig};
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use eha_monitor::channel::Channel;
@@ -35,18 +36,25 @@ pub fn print_json(value: &Value) -> Result<(), Failure> {
     print(&serde_json::to_string_pretty(value).map_err(Failure::other)?)
 }
 
+/// Style of the word `warning` on a terminal.
+const WARNING: anstyle::Style =
+    anstyle::Style::new().bold().fg_color(Some(anstyle::Color::Ansi(anstyle::AnsiColor::Yellow)));
+
 /// Logs a line to stderr unless the user asked for quiet.
 pub fn log(common: &Common, line: &str) {
     if !common.quiet {
-        eprintln!("{line}");
+        match line.split_once("warning: ") {
+            Some(("", rest)) => anstream::eprintln!("{WARNING}warning:{WARNING:#} {rest}"),
+            _ => anstream::eprintln!("{line}"),
+        }
     }
 }
 
 /// An empty table; columns from the second on are aligned to the right.
-pub fn table<const COLUMNS: usize>(header: [&str; COLUMNS]) -> Table {
+pub fn table<Header: AsRef<[Name]>, Name: ToString>(header: Header) -> Table {
     let mut table = Table::new();
     table.load_style(presets::ASCII_MARKDOWN).set_content_arrangement(ContentArrangement::Disabled);
-    table.set_header(header);
+    table.set_header(header.as_ref().iter().map(Name::to_string));
     for column in table.column_iter_mut().skip(1) {
         column.set_cell_alignment(CellAlignment::Right);
     }
@@ -67,7 +75,10 @@ pub fn bar(common: &Common, length: u64, what: &str) -> ProgressBar {
 pub fn show_standing(bar: &ProgressBar, standing: Standing) {
     bar.set_length(u64::from(standing.budget));
     bar.set_position(u64::from(standing.evaluations.min(standing.budget)));
-    bar.set_message(format!("generation {}, best {:.3} sigma", standing.generations, standing.best_sigma));
+    bar.set_message(format!(
+        "generation {}, best {:.3} times the noise,",
+        standing.generations, standing.best_sigma
+    ));
 }
 
 /// Writes a file whole or not at all.
@@ -78,9 +89,24 @@ pub fn write_file(path: &Path, content: &[u8]) -> Result<(), Failure> {
     let fail = |error: std::io::Error| Failure::other(format!("cannot write {}: {error}", path.display()));
     let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     std::fs::create_dir_all(directory).map_err(fail)?;
-    let mut file = tempfile::NamedTempFile::new_in(directory).map_err(fail)?;
+    let mut builder = tempfile::Builder::new();
+    // As a file that is made in place: readable by whoever the user's mask allows.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut file = builder.tempfile_in(directory).map_err(fail)?;
     file.write_all(content).map_err(fail)?;
     file.persist(path).map_err(|error| fail(error.error))?;
+    Ok(())
+}
+
+/// Writes the report into the output directory, if there is one; `make` is not called otherwise.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn report(common: &Common, make: impl FnOnce() -> String) -> Result<(), Failure> {
+    let Some(path) = out_path(common, REPORT_FILE) else { return Ok(()) };
+    write_file(&path, make().as_bytes())?;
+    log(common, &format!("wrote {}", path.display()));
     Ok(())
 }
 
@@ -201,12 +227,17 @@ pub fn residual_table(fit: &Fit, source: &[NoiseSource]) -> Table {
 }
 
 /// Why a search ended, in words.
-pub fn stop_words(stop: StopReason) -> &'static str {
+fn stop_words(stop: StopReason) -> &'static str {
     match stop {
         StopReason::NoiseReached => "noise-reached",
         StopReason::Settled => "settled",
         StopReason::Budget => "budget",
     }
+}
+
+/// Why a fit ended, in words.
+pub fn end_words(fit: &Fit) -> &'static str {
+    if fit.interrupted { "interrupted" } else { stop_words(fit.stop) }
 }
 
 /// Strong correlations of the estimates, in words.

@@ -67,6 +67,11 @@ const fn case(
     }
 }
 
+/// The source's relative error of an output against its input, percent; 0 where the input is 0.
+pub fn error_percent(input: f64, output: f64) -> f64 {
+    if input == 0.0 { 0.0 } else { (input - output) / input * 100.0 }
+}
+
 impl Case {
     /// Ranges of the search.
     pub fn ranges(&self) -> Vec<Range> {
@@ -79,9 +84,7 @@ impl Case {
     /// The source's figure of merit for an estimate: mean of the magnitudes of both relative errors, percent; an error
     /// counts as 0 where the input is 0.
     pub fn mean_error_percent(&self, bkl: f64, fdj: f64) -> f64 {
-        let error = |input: f64, output: f64| {
-            if input == 0.0 { 0.0 } else { ((input - output) / input * 100.0).abs() }
-        };
+        let error = |input: f64, output: f64| error_percent(input, output).abs();
         f64::midpoint(error(self.bkl, bkl), error(self.fdj, fdj))
     }
 }

@@ -2,11 +2,18 @@
 
 mod cli {
     mod bad_records;
+    mod check;
+    mod data;
+    mod guide;
     mod harness;
     mod identify;
+    mod interrupt;
     mod json;
     mod measured;
+    mod report;
     mod reproduce;
+    mod schema;
+    mod shell;
     mod simulate;
     mod streams;
     mod usage;

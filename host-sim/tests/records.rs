@@ -171,7 +171,7 @@ fn files_that_are_no_record_are_told_apart() {
     let text = "found bytes that are not UTF-8, expected text in UTF-8";
     assert_eq!(bytes(b"t_s\n0,\xe9\n"), format!("run.csv:2: {text}"));
     assert_eq!(bytes(b"\xff\xfet\0_\0s\0"), format!("run.csv:1: {text}"));
-    let mat = "run.csv: found a MAT file, expected CSV: convert it with `host-sim import`";
+    let mat = "run.csv: found a MAT file, expected text";
     assert_eq!(bytes(b"MATLAB 5.0 MAT-file\x00"), mat);
     let missing = read_csv(Path::new("no/such/file.csv")).expect_err("no file");
     assert!(missing.to_string().starts_with("no/such/file.csv: cannot be read: "), "{missing}");

@@ -224,6 +224,11 @@ impl<T: Real, const GENES: usize, const SIZE: usize> SteadyState<T, GENES, SIZE>
         self.members().nth(self.extreme(|candidate, best| candidate < best))
     }
 
+    /// Genes of the child that was asked for last.
+    pub const fn last_child(&self) -> &[T; GENES] {
+        &self.child
+    }
+
     /// Largest distance between members in any gene: 0 when all are alike, 1 when they span a whole range.
     pub fn spread(&self) -> T {
         let mut widest = T::ZERO;

@@ -18,7 +18,7 @@ struct Arguments {
 /// A job.
 #[derive(Clone, Copy, Subcommand)]
 enum Task {
-    /// Install what the firmware's tests need: the Rust target and QEMU.
+    /// Install what the tests need: the Rust target, QEMU, and a browser (skipped where it cannot be had).
     Setup,
     /// Every job below, in this order, after `setup`; stops at the first failure.
     Ci,

@@ -1,14 +1,21 @@
-//! Installs what the firmware's tests need, or says exactly what is missing.
+//! Installs what the tests need beside Rust: what those of the firmware need, or a message that says exactly what is
+//! missing; a browser for those of the reports, which are skipped without one.
 
 use crate::job::{self, Failure, TARGET};
 use std::{path::Path, process::Command};
 
 /// The emulator's program, and its package in Debian.
 const QEMU: &str = "qemu-system-arm";
+/// The browser's program, and its package in Debian.
+const BROWSER: &str = "chromium";
 
-/// Installs the Rust target and QEMU where they are absent. Both are tried, so that one run tells all that is missing.
+/// Installs the Rust target, QEMU and a browser where they are absent. All are tried, so that one run tells all that is
+/// missing. It is no failure if there is no browser.
 pub(crate) fn run() -> Result<(), Failure> {
-    match (target(), qemu()) {
+    if let Err(missing) = program(BROWSER) {
+        eprintln!("xtask: {missing}; without it, the tests that look at reports are skipped");
+    }
+    match (target(), program(QEMU)) {
         (Err(target), Err(qemu)) => Err(Failure::Missing(format!("{target}\n{qemu}"))),
         (target, qemu) => target.and(qemu),
     }
@@ -35,9 +42,9 @@ fn has_target() -> bool {
     print.is_some_and(|directory| Path::new(&directory).is_dir())
 }
 
-/// The emulator.
-fn qemu() -> Result<(), Failure> {
-    packages(&[QEMU], has_qemu)
+/// A program that has the name of its package.
+fn program(name: &str) -> Result<(), Failure> {
+    packages(&[name], || has(name))
 }
 
 /// Installs Debian's packages, unless what they bring is there already.
@@ -47,7 +54,7 @@ pub(crate) fn packages(names: &[&str], is_there: impl Fn() -> bool) -> Result<()
     }
     let mut install = vec!["install", "-y", "--no-install-recommends"];
     install.extend(names);
-    if is_root() && output(Command::new("apt-get").arg("--version")).is_some() {
+    if is_root() && has("apt-get") {
         let installed = job::run(Command::new("apt-get").arg("update"))
             .and_then(|()| job::run(Command::new("apt-get").args(&install)));
         if installed.is_ok() && is_there() {
@@ -61,9 +68,9 @@ pub(crate) fn packages(names: &[&str], is_there: impl Fn() -> bool) -> Result<()
     )))
 }
 
-/// Can the emulator be started?
-fn has_qemu() -> bool {
-    output(Command::new(QEMU).arg("--version")).is_some()
+/// Can a program be started?
+fn has(name: &str) -> bool {
+    output(Command::new(name).arg("--version")).is_some()
 }
 
 /// May this process install packages?

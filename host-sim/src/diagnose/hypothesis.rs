@@ -4,6 +4,7 @@ use super::candidate::{self, Candidate, Prospect};
 use super::residual::{self, MEASURED, MODEL_ERROR};
 use super::{Case, RESIDUAL_LIMIT};
 use crate::fit::{self, Estimate, Fit, Polished};
+use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::model::state::Outputs;
@@ -138,7 +139,7 @@ impl Hypothesis {
     pub(super) fn look(&self, case: &Case<'_>) -> Vec<Prospect> {
         EFFECTS
             .par_iter()
-            .filter(|effect| candidate::applies(effect, &self.rig, &self.ranges))
+            .filter(|effect| !interrupt::requested() && candidate::applies(effect, &self.rig, &self.ranges))
             .filter_map(|effect| candidate::look(effect, &self.rig, &self.ranges, case.train(), case.noise))
             .collect()
     }
@@ -165,12 +166,14 @@ impl Hypothesis {
         promising.append(&mut asked);
         let mut near: Vec<(&Prospect, Polished)> = promising
             .par_iter()
+            .filter(|_| !interrupt::requested())
             .filter_map(|prospect| Some((prospect, prospect.approach(&self.rig, case.train(), case.noise)?)))
             .collect();
         near.sort_by(|(_, a), (_, b)| a.misfit.chi_square.total_cmp(&b.misfit.chi_square));
         near.truncate(MOST_FITTED);
         let mut candidates: Vec<Candidate> = near
             .into_par_iter()
+            .filter(|_| !interrupt::requested())
             .filter_map(|(prospect, near)| prospect.fit(&self.rig, near.values, case.train(), case.noise))
             .collect();
         candidates.sort_by(|a, b| a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square));

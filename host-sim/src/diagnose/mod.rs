@@ -22,6 +22,7 @@ mod hypothesis;
 pub mod residual;
 
 use crate::fit::{self, Estimate, Fit, FitSettings, Prepared};
+use crate::interrupt;
 use crate::rig::Rig;
 use candidate::Prospect;
 use eha_monitor::effect::EffectInfo;
@@ -164,6 +165,9 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f
     let mut beam = vec![Hypothesis::root(case, &before, ranges)];
     let mut tried = beam.clone();
     for stage in 0..MOST_EFFECTS {
+        if interrupt::requested() {
+            break;
+        }
         let label = format!("trying effects, round {}", stage + 1);
         let mut grown: Vec<Hypothesis> = Vec::new();
         for (index, hypothesis) in beam.iter().enumerate() {

@@ -5,10 +5,11 @@ mod noise;
 mod polish;
 mod prepare;
 
-pub use noise::{NoiseSource, correlation_time, estimate, residual_series};
+pub use noise::{NoiseSource, correlation_time, estimate, quantum, residual_series};
 pub use polish::{Polished, approach, foresee, polish};
 pub use prepare::{Prepared, prepare};
 
+use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::identify::{self, Identification, Progress, StopReason};
@@ -97,8 +98,25 @@ pub struct Fit {
     pub seconds_per_generation: f64,
     /// Why the search ended.
     pub stop: StopReason,
-    /// Best cost (mean square in units of the noise) after each evaluation of the genetic algorithm.
-    pub history: Vec<f64>,
+    /// Did the user end the search before its end?
+    pub interrupted: bool,
+    /// Every child and every finish of the search, in their order.
+    pub visits: Vec<Visit>,
+    /// What the covariance of white noise was multiplied by, because the residual is not noise.
+    pub inflation: f64,
+}
+
+/// A place that a search went to, and where the population stood after it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Visit {
+    /// Value of each free parameter.
+    pub values: Vec<f64>,
+    /// Cost of the best member: mean square in units of the noise.
+    pub best: f64,
+    /// Cost of the worst member.
+    pub worst: f64,
+    /// Was it the end of a Gauss-Newton finish, not a child?
+    pub finish: bool,
 }
 
 impl Fit {
@@ -189,20 +207,23 @@ fn search<S: Stepper<f64>>(
     core_settings.search.population = settings.population;
     let mut identification =
         Identification::<f64, MAX_FREE, MAX_POPULATION>::new(problem, core_settings, settings.seed);
-    let mut history = Vec::new();
+    let mut visits = Vec::new();
     let mut searching = 0.0;
+    let mut interrupted = false;
     let stop = loop {
+        if interrupt::requested() && !visits.is_empty() {
+            interrupted = true;
+            break StopReason::Budget;
+        }
         let before = started.elapsed().as_secs_f64();
         let progress = identification.advance(problem, steppers);
         let best = identification.search().best().map_or(f64::INFINITY, |(_, cost)| cost);
         match progress {
             Progress::Done(reason) => break reason,
-            Progress::Child(_) => {
-                searching += started.elapsed().as_secs_f64() - before;
-                history.push(best);
-            }
+            Progress::Child(_) => searching += started.elapsed().as_secs_f64() - before,
             Progress::Finished => {}
         }
+        visits.push(visit(problem, &identification, progress == Progress::Finished));
         watch(Standing {
             evaluations: identification.evaluations(),
             budget: settings.budget,
@@ -210,10 +231,13 @@ fn search<S: Stepper<f64>>(
             best_sigma: best.sqrt(),
         });
     };
-    let genes = identification.result().map_or([0.0; MAX_FREE], |finish| finish.genes);
+    let best = identification.search().best().map_or([0.0; MAX_FREE], |(genes, _)| *genes);
+    let genes = identification.result().map_or(best, |finish| finish.genes);
     let covariance = identification.result().and_then(|finish| finish.normal.covariance());
-    let misfit =
-        identification.result().map_or(Misfit { chi_square: 0.0, count: 0 }, |finish| finish.normal.misfit);
+    let misfit = match identification.result() {
+        Some(finish) => finish.normal.misfit,
+        None => problem.misfit(&genes, &mut steppers[0]),
+    };
     let predictions = engine::trace(problem, &genes, &mut steppers[0]);
     let inflation = if stop == StopReason::NoiseReached {
         1.0
@@ -256,6 +280,26 @@ fn search<S: Stepper<f64>>(
         seconds: started.elapsed().as_secs_f64(),
         seconds_per_generation: searching / f64::from(children) * settings.population as f64,
         stop,
-        history,
+        interrupted,
+        visits,
+        inflation,
+    }
+}
+
+/// The place of the last child, or of the best finish.
+fn visit(
+    problem: &Problem<'_, f64>,
+    identification: &Identification<f64, MAX_FREE, MAX_POPULATION>,
+    finish: bool,
+) -> Visit {
+    let search = identification.search();
+    let genes =
+        identification.result().filter(|_| finish).map_or(search.last_child(), |result| &result.genes);
+    let costs = || search.members().map(|(_, cost)| cost);
+    Visit {
+        values: problem.free.iter().zip(genes).map(|(free, &gene)| free.value(gene)).collect(),
+        best: costs().fold(f64::INFINITY, f64::min),
+        worst: costs().fold(0.0, f64::max),
+        finish,
     }
 }

@@ -65,7 +65,7 @@ fn of_series(values: &[f64]) -> f64 {
 
 /// The step in which a series is quantised; 0 where it is not (fewer than half of its neighbours agree exactly on
 /// multiples of one step).
-fn quantum(values: &[f64]) -> f64 {
+pub fn quantum(values: &[f64]) -> f64 {
     let steps: Vec<f64> =
         values.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|step| step.is_finite()).collect();
     let Some(smallest) = steps.iter().copied().filter(|&step| step > 0.0).min_by(f64::total_cmp) else {

@@ -114,9 +114,14 @@ pub fn parse_csv(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Load
     table.into_loaded(options)
 }
 
+/// Do the bytes start as a MAT file does?
+pub(super) fn is_mat(bytes: &[u8]) -> bool {
+    MAT_SIGNATURES.iter().any(|signature| bytes.starts_with(signature))
+}
+
 /// The text of a file without its byte order mark.
 fn decode<'a>(file: &str, bytes: &'a [u8]) -> Result<&'a str, RecordError> {
-    if MAT_SIGNATURES.iter().any(|signature| bytes.starts_with(signature)) {
+    if is_mat(bytes) {
         return Err(RecordError::new(file, Problem::MatFile));
     }
     let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);

@@ -140,6 +140,8 @@ pub enum Problem {
     },
     /// A MAT file that cannot be decoded.
     BadMat(String),
+    /// A Parquet file that cannot be decoded.
+    BadParquet(String),
     /// A variable that is not a real numeric vector.
     NotAVector(String),
 }
@@ -149,7 +151,7 @@ impl fmt::Display for Problem {
         match self {
             Self::Io(error) => write!(f, "cannot be read: {error}"),
             Self::NotUtf8 => f.write_str("found bytes that are not UTF-8, expected text in UTF-8"),
-            Self::MatFile => f.write_str("found a MAT file, expected CSV: convert it with `host-sim import`"),
+            Self::MatFile => f.write_str("found a MAT file, expected text"),
             Self::Empty => f.write_str("found no data, expected a header line and rows of numbers"),
             Self::NoHeader => f.write_str(
                 "found numbers only, expected a header with column names (is it missing, or commented out by a `#`?)",
@@ -205,6 +207,7 @@ impl fmt::Display for Problem {
             Self::UnequalLength { found, expected } => {
                 write!(f, "found {found} values, expected {expected} as in the first series")
             }
+            Self::BadParquet(what) => write!(f, "cannot be decoded as a Parquet file: {what}"),
             Self::BadMat(what) => write!(f, "cannot be decoded as a MAT file: {what}"),
             Self::NotAVector(found) => write!(f, "found {found}, expected a real numeric vector"),
         }

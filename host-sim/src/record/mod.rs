@@ -1,4 +1,4 @@
-//! Records of an actuator: uniformly sampled channels, read from CSV or MAT files and written to CSV.
+//! Records of an actuator: uniformly sampled channels, read from CSV, MAT or Parquet files and written to CSV.
 //!
 //! A [`Record`] is checked once, when it is made: whoever holds one holds data that can be identified from.
 //! Columns, units and limits are those of [`eha_monitor::channel::CHANNELS`].
@@ -10,6 +10,7 @@ mod csv_writer;
 mod error;
 mod mapping;
 mod mat;
+mod parquet;
 pub mod plausible;
 mod table;
 mod time_base;
@@ -20,6 +21,7 @@ pub use csv_writer::{save_csv, write_csv};
 pub use error::{Field, Problem, RecordError};
 pub use mapping::{Mapping, MappingError};
 pub use mat::{parse_mat, read_mat, read_mat_with};
+pub use parquet::read_parquet_with;
 
 use table::{Series, Table};
 use time_base::Resolution;
@@ -61,6 +63,26 @@ pub struct Loaded {
     pub record: Record,
     /// One line each, starting with the file.
     pub warnings: Vec<String>,
+}
+
+/// Reads a record from a CSV, MAT or Parquet file, whichever it is by its first bytes or, for MAT, its name.
+///
+/// # Errors
+///
+/// Those of [`read_csv_with`], [`read_mat_with`] and [`read_parquet_with`].
+pub fn read(path: &std::path::Path, options: &ReadOptions) -> Result<Loaded, RecordError> {
+    use std::io::Read as _;
+    let mut first = Vec::new();
+    let opened = std::fs::File::open(path).and_then(|file| file.take(8).read_to_end(&mut first));
+    opened.map_err(|error| RecordError::new(&path.display().to_string(), Problem::Io(error)))?;
+    let named_mat = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mat"));
+    if first.starts_with(b"PAR1") {
+        read_parquet_with(path, options)
+    } else if named_mat || csv::is_mat(&first) {
+        read_mat_with(path, options)
+    } else {
+        read_csv_with(path, options)
+    }
 }
 
 impl Record {

@@ -19,7 +19,7 @@ pub struct Options {
 /// Runs the verb.
 ///
 /// # Errors
-/// Usage, bad data, or no convergence; with the latter, no rig file is written.
+/// Usage, bad data, or no convergence; with the latter, no file is written.
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let fitted = fit_records(common, &options.fit, DEFAULT_RIG, |rig| rig.free.clone())?;
     let result = identify::json(common, &fitted, "parameters");
@@ -29,6 +29,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         identify::print(common, &fitted)?;
     }
     converged(&fitted.fit)?;
+    identify::save(common, &fitted, &result, "calibrate.json", "Calibration")?;
     if let Some(path) = output::out_path(common, "rig.toml") {
         let calibrated = Rig { parameters: fitted.fit.parameters, ..fitted.rig };
         let comments = [

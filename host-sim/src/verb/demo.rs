@@ -8,6 +8,7 @@ use super::DEFAULT_RIG;
 use super::diagnose::Job;
 use crate::cli::Common;
 use crate::failure::Failure;
+use crate::interrupt;
 use crate::output;
 use crate::plant::{self, Excitation, Sensing};
 use crate::record::{Record, save_csv};
@@ -39,6 +40,7 @@ pub struct Options {}
 /// # Errors
 /// A file cannot be written.
 pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
+    interrupt::watch()?;
     let directory = common.out.clone().unwrap_or_else(|| DIRECTORY.into());
     let common = &Common { out: Some(directory.clone()), ..common.clone() };
     let rig = Rig::load(DEFAULT_RIG)?;
@@ -60,7 +62,8 @@ pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
     let (diagnosis, result) = job.run()?;
     job.save(&diagnosis, &result, None)?;
     if common.json {
-        return output::print_json(&result);
+        output::print_json(&result)?;
+        return interrupt::check();
     }
     let truth: Vec<String> = TRUTH
         .iter()
@@ -76,7 +79,8 @@ pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
     let path = directory.join("report.txt");
     output::write_file(&path, text.as_bytes())?;
     output::log(common, &format!("wrote {}", path.display()));
-    output::print(&text)
+    output::print(&text)?;
+    interrupt::check()
 }
 
 fn fly(rig: &Rig, name: &str, seed: u64) -> Result<Record, Failure> {

@@ -1,13 +1,16 @@
 //! `diagnose`: what does the model lack?
 
-use super::DEFAULT_RIG;
+use super::{DEFAULT_RIG, InputOptions};
 use crate::cli::Common;
 use crate::diagnose::{Case, Diagnosis, Score, Verdict, diagnose};
 use crate::failure::Failure;
 use crate::fit::{self, FitSettings, Prepared};
+use crate::interrupt;
 use crate::output::{self, SCHEMA};
 use crate::record::Record;
+use crate::report::{self, Diagnosed};
 use crate::rig::{self, Rig};
+use crate::trace::Trace;
 use eha_monitor::channel::Channel;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -18,14 +21,20 @@ use std::time::Instant;
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
     /// Records to fit, together.
-    #[arg(required = true, value_name = "REC.csv")]
+    #[arg(required = true, value_name = "REC")]
     records: Vec<PathBuf>,
     /// Record that is only predicted, to validate what was found; best with another command.
-    #[arg(long, value_name = "REC.csv")]
+    #[arg(long, value_name = "REC")]
     holdout: Vec<PathBuf>,
+    #[command(flatten)]
+    input: InputOptions,
     /// Where to write the final model's prediction of the (first) held-out record.
     #[arg(long, value_name = "FILE.csv", requires = "holdout")]
     prediction: Option<PathBuf>,
+    /// Where to write what was measured, predicted and left of the fitted records, sample by sample (CSV, or Parquet if
+    /// it ends so); `trace.csv` in the directory of `--out` by default.
+    #[arg(long, value_name = "FILE.csv|.parquet")]
+    trace: Option<PathBuf>,
 }
 
 /// Runs the verb.
@@ -34,18 +43,21 @@ pub struct Options {
 /// Usage or bad data.
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let rig = super::rig(common, DEFAULT_RIG)?;
-    let train = super::read_records(common, &options.records)?;
-    let holdout = super::read_records(common, &options.holdout)?;
+    let train = options.input.read(common, &options.records)?;
+    let holdout = options.input.read(common, &options.holdout)?;
     let names =
         options.records.iter().chain(&options.holdout).map(|path| path.display().to_string()).collect();
+    interrupt::watch()?;
     let job = Job { common, rig, train, holdout, names };
     let (diagnosis, result) = job.run()?;
     job.save(&diagnosis, &result, options.prediction.as_deref())?;
+    super::save_trace(common, options.trace.as_deref(), || job.trace(&diagnosis))?;
     if common.json {
-        output::print_json(&result)
+        output::print_json(&result)?;
     } else {
-        output::print(job.text(&diagnosis, &result).trim_end())
+        output::print(job.text(&diagnosis, &result).trim_end())?;
     }
+    interrupt::check()
 }
 
 /// A diagnosis of records that were read.
@@ -166,6 +178,16 @@ impl Job<'_> {
             )?;
             output::log(self.common, &format!("wrote {}", path.display()));
         }
+        output::report(self.common, || {
+            report::diagnosis(&Diagnosed {
+                rig: &self.rig,
+                train: &self.train,
+                holdout: &self.holdout,
+                names: &self.names,
+                diagnosis,
+                result,
+            })
+        })?;
         if let (Some(path), Some(record)) = (prediction, self.holdout.first()) {
             let prepared = [fit::prepare(&self.rig, record, diagnosis.noise[0])];
             let mut text = String::from("t_s,lvdt_m\n");
@@ -175,6 +197,15 @@ impl Job<'_> {
             output::write_file(path, text.as_bytes())?;
         }
         Ok(())
+    }
+
+    /// The fitted records against the model before and after.
+    fn trace(&self, diagnosis: &Diagnosis) -> Trace {
+        let prepared: Vec<Prepared> =
+            self.train.iter().map(|record| fit::prepare(&self.rig, record, diagnosis.noise[0])).collect();
+        let models: [(&str, &[_]); 2] =
+            [("before", &diagnosis.before.predictions), ("after", &diagnosis.predictions)];
+        Trace::new(&self.train, &prepared, &models)
     }
 
     pub(super) fn text(&self, diagnosis: &Diagnosis, result: &Value) -> String {
@@ -269,6 +300,9 @@ impl Job<'_> {
 
 fn warnings(diagnosis: &Diagnosis) -> Vec<String> {
     let mut warnings = Vec::new();
+    if interrupt::requested() {
+        warnings.push("interrupted: effects that were not tried yet are not ruled out".to_owned());
+    }
     if diagnosis.holdout.is_none() && !diagnosis.found.is_empty() {
         warnings.push("no held-out record: what was found is not validated".to_owned());
     }

@@ -1,6 +1,6 @@
 //! `host-sim hil`: samples to the firmware's monitor over a line, its estimates as they come.
 
-use super::{DEFAULT_RIG, read_records, rig};
+use super::{DEFAULT_RIG, InputOptions, rig};
 use crate::cli::Common;
 use crate::emulator::Machine;
 use crate::failure::Failure;
@@ -26,6 +26,8 @@ pub struct Options {
     /// Record to stream; an actuator is simulated where none is given.
     #[arg(value_name = "REC.csv")]
     record: Option<PathBuf>,
+    #[command(flatten)]
+    input: InputOptions,
     /// Emulated board.
     #[arg(long, value_enum, default_value = "mps2-an500")]
     machine: Machine,
@@ -110,7 +112,7 @@ fn session(common: &Common, options: &Options, rig: &Rig) -> Result<Session, Fai
     let mut sample_period = 1e-3;
     let noise_or_default = [noise[0].unwrap_or(NOISE[0]), noise[1].unwrap_or(NOISE[1])];
     let samples = if let Some(path) = &options.record {
-        let records = read_records(common, std::slice::from_ref(path))?;
+        let records = options.input.read(common, std::slice::from_ref(path))?;
         let record = records.first().ok_or_else(|| Failure::data("no record"))?;
         sample_period = record.sample_period_s();
         let (estimated, _) = crate::fit::estimate(rig, &records);

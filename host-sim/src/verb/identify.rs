@@ -1,9 +1,13 @@
 //! `identify`: the declared faults from records.
 
-use super::{DEFAULT_RIG, FitOptions, Fitted, converged, fit_records};
+use super::printouts::{self, Truth};
+use super::{DEFAULT_RIG, FitOptions, Fitted, converged, fit_records, save_trace};
 use crate::cli::Common;
 use crate::failure::Failure;
+use crate::fit::Fit;
 use crate::output::{self, SCHEMA};
+use crate::report::{self, Identified};
+use crate::trace::Trace;
 use serde_json::{Value, json};
 
 /// Options of `identify`.
@@ -11,6 +15,12 @@ use serde_json::{Value, json};
 pub struct Options {
     #[command(flatten)]
     fit: FitOptions,
+    /// True values, where they are known, for the source's fault-parameter check: `bkl=2e-4,fdj=800`.
+    #[arg(long, value_delimiter = ',', value_name = "NAME=VALUE")]
+    truth: Vec<String>,
+    /// Print the log of the search: a line for each generation, costs in units of the noise.
+    #[arg(long)]
+    log: bool,
 }
 
 /// Runs the verb.
@@ -18,17 +28,67 @@ pub struct Options {
 /// # Errors
 /// Usage, bad data, or no convergence.
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
+    let truth = Truth::parse(&options.truth)?;
     let fitted = fit_records(common, &options.fit, DEFAULT_RIG, |rig| rig.faults.clone())?;
-    let result = json(common, &fitted, "faults");
-    if let Some(path) = output::out_path(common, "identify.json") {
-        output::write_file(&path, serde_json::to_string_pretty(&result).map_err(Failure::other)?.as_bytes())?;
-    }
+    let mut result = json(common, &fitted, "faults");
+    truth.add_to(&fitted.fit, &mut result);
+    save(common, &fitted, &result, "identify.json", "Identification")?;
     if common.json {
         output::print_json(&result)?;
     } else {
+        if options.log {
+            output::print(&printouts::log(&fitted.fit, fitted.population).to_string())?;
+        }
         print(common, &fitted)?;
+        truth.print(&fitted.fit)?;
     }
     converged(&fitted.fit)
+}
+
+/// Writes the result as JSON and as a report, if there is a directory for them.
+pub(super) fn save(
+    common: &Common,
+    fitted: &Fitted,
+    result: &Value,
+    file: &str,
+    title: &str,
+) -> Result<(), Failure> {
+    save_trace(common, fitted.trace.as_deref(), || {
+        Trace::new(&fitted.records, &fitted.prepared, &[("model", &fitted.fit.predictions)])
+    })?;
+    let Some(path) = output::out_path(common, file) else { return Ok(()) };
+    output::write_file(&path, serde_json::to_string_pretty(result).map_err(Failure::other)?.as_bytes())?;
+    output::log(common, &format!("wrote {}", path.display()));
+    output::report(common, || {
+        report::identification(&Identified {
+            title,
+            rig: &fitted.rig,
+            ranges: &fitted.ranges,
+            records: &fitted.records,
+            names: &fitted.names,
+            prepared: &fitted.prepared,
+            fit: &fitted.fit,
+            noise_source: &fitted.noise_source,
+            population: fitted.population,
+            warnings: &notes(&fitted.fit),
+            config: &result["config"],
+        })
+    })
+}
+
+/// What the user should know of a fit.
+fn notes(fit: &Fit) -> Vec<String> {
+    let mut notes = output::correlation_warnings(fit);
+    if fit.interrupted {
+        notes.push("interrupted: this is what was found so far, not the bottom of the search".to_owned());
+    }
+    if fit.misfit.mean_square() > 2.0 {
+        notes.push(format!(
+            "the residual is {:.1} times the noise: the model lacks something; `diagnose` looks for it",
+            fit.misfit.mean_square().sqrt()
+        ));
+    }
+    notes
 }
 
 /// The result as JSON; `list` names the list of estimates.
@@ -41,10 +101,10 @@ pub(super) fn json(common: &Common, fitted: &Fitted, list: &str) -> Value {
         "generations": fit.generations,
         "seconds": fit.seconds,
         "seconds_per_generation": fit.seconds_per_generation,
-        "stop": output::stop_words(fit.stop),
+        "stop": output::end_words(fit),
         "mean_square": output::number(fit.misfit.mean_square()),
         "correlation": fit.correlation.iter().map(|row| row.iter().map(|&c| output::number(c)).collect::<Vec<_>>()).collect::<Vec<_>>(),
-        "warnings": output::correlation_warnings(fit),
+        "warnings": notes(fit),
         "seed": common.seed,
         "config": output::config_json(common, &fitted.rig, &fitted.ranges, &fitted.names),
     });
@@ -65,20 +125,11 @@ pub(super) fn print(common: &Common, fitted: &Fitted) -> Result<(), Failure> {
         fit.generations,
         fit.seconds_per_generation * 1e3,
         fit.seconds,
-        output::stop_words(fit.stop),
+        output::end_words(fit),
         common.seed,
     ))?;
     output::print(&configuration(fitted))?;
-    for warning in output::correlation_warnings(fit) {
-        output::print(&format!("note: {warning}"))?;
-    }
-    if fit.misfit.mean_square() > 2.0 {
-        output::print(&format!(
-            "note: the residual is {:.1} times the noise: the model lacks something; `diagnose` looks for it",
-            fit.misfit.mean_square().sqrt()
-        ))?;
-    }
-    Ok(())
+    notes(fit).iter().try_for_each(|note| output::print(&format!("note: {note}")))
 }
 
 /// The resolved configuration in a line.

@@ -2,31 +2,86 @@
 
 pub mod budget;
 pub mod calibrate;
+pub mod check;
 pub mod demo;
 pub mod diagnose;
 pub mod hil;
 pub mod identify;
 pub mod import;
 pub mod lists;
+mod printouts;
 pub mod reproduce;
+pub mod shell;
 pub mod simulate;
 
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::fit::{self, Fit, FitSettings, NoiseSource, Prepared};
+use crate::interrupt;
 use crate::output;
-use crate::record::{Record, read_csv};
+use crate::record::{self, Mapping, ReadOptions, Record};
 use crate::rig::{BUILT_IN, Range, Rig, parameter_named};
+use crate::trace::{TRACE_FILE, Trace};
 use clap::Args;
 use eha_monitor::fit::identify::StopReason;
-use std::path::PathBuf;
+use eha_monitor::parameter::{Parameter, Parameters};
+use std::path::{Path, PathBuf};
+
+/// How the files of records are read.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Reading records")]
+pub struct InputOptions {
+    /// Which column or variable is which channel, in which unit: `lvdt_m=pos[mm],command_m=ref[mm]`.
+    #[arg(long, value_delimiter = ',', value_name = "CHANNEL=NAME[UNIT]")]
+    columns: Vec<String>,
+    /// Sampling rate, Hz, where a file has no time.
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
+    /// First time to keep, s.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    from: Option<f64>,
+    /// Time from which on nothing is kept, s.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    to: Option<f64>,
+}
+
+impl InputOptions {
+    /// Reads records (CSV, MAT v5 and v7.3, Parquet), logging their warnings.
+    ///
+    /// # Errors
+    /// Usage: a wrong mapping, rate or window. Data: a file is not a record.
+    fn read(&self, common: &Common, paths: &[PathBuf]) -> Result<Vec<Record>, Failure> {
+        if let Some(rate) = self.rate.filter(|rate| !(rate.is_finite() && *rate > 0.0)) {
+            return Err(Failure::usage(format!("--rate {rate}: expected a positive number")));
+        }
+        if let (Some(from), Some(to)) = (self.from, self.to)
+            && (from.is_nan() || to.is_nan() || from >= to)
+        {
+            return Err(Failure::usage(format!("--from {from} --to {to}: expected the first to be earlier")));
+        }
+        let columns = Mapping::parse(self.columns.iter().map(String::as_str)).map_err(Failure::usage)?;
+        let options = ReadOptions { columns, sample_rate_hz: self.rate, from_s: self.from, to_s: self.to };
+        paths
+            .iter()
+            .map(|path| {
+                let loaded = record::read(path, &options)?;
+                for warning in &loaded.warnings {
+                    output::log(common, &format!("warning: {warning}"));
+                }
+                Ok(loaded.record)
+            })
+            .collect()
+    }
+}
 
 /// Options of the verbs that fit records.
 #[derive(Clone, Debug, Args)]
 pub struct FitOptions {
-    /// Records; several are fitted together.
-    #[arg(required = true, value_name = "REC.csv")]
+    /// Records (CSV, MAT, Parquet); several are fitted together.
+    #[arg(required = true, value_name = "REC")]
     records: Vec<PathBuf>,
+    #[command(flatten)]
+    input: InputOptions,
     /// Range of a parameter, in its unit: `bkl=0..2e-3`. A parameter that is not free becomes free.
     #[arg(long = "bounds", value_name = "NAME=LOW..HIGH")]
     bounds: Vec<String>,
@@ -37,6 +92,10 @@ pub struct FitOptions {
     /// Most evaluations of the model.
     #[arg(long, default_value_t = FitSettings::default().budget, value_parser = clap::value_parser!(u32).range(20..))]
     budget: u32,
+    /// Where to write what was measured, predicted and left, sample by sample (CSV, or Parquet if it ends so);
+    /// `trace.csv` in the directory of `--out` by default.
+    #[arg(long, value_name = "FILE.csv|.parquet")]
+    trace: Option<PathBuf>,
 }
 
 /// The rig that the user names; the default is the first built-in one, or `default` where a verb has its own.
@@ -44,28 +103,28 @@ fn rig(common: &Common, default: &str) -> Result<Rig, Failure> {
     Rig::load(common.rig.as_deref().unwrap_or(default))
 }
 
-/// Reads records, logging their warnings.
-fn read_records(common: &Common, paths: &[PathBuf]) -> Result<Vec<Record>, Failure> {
-    paths
-        .iter()
-        .map(|path| {
-            let loaded = read_csv(path)?;
-            for warning in &loaded.warnings {
-                output::log(common, &format!("warning: {warning}"));
-            }
-            for (channel, _) in loaded.record.channels() {
-                let missing = loaded.record.missing_count(channel);
-                if missing > 0 {
-                    let column = channel.info().column;
-                    output::log(
-                        common,
-                        &format!("{}: {missing} missing samples of {column}", path.display()),
-                    );
-                }
-            }
-            Ok(loaded.record)
-        })
-        .collect()
+/// Sets parameters from texts such as `fdj=800`.
+fn assignments(parameters: &mut Parameters<f64>, texts: &[String]) -> Result<(), Failure> {
+    for text in texts {
+        let wrong = || Failure::usage(format!("`{text}`: expected NAME=VALUE, such as fdj=800"));
+        let (name, value) = text.split_once('=').ok_or_else(wrong)?;
+        let parameter = parameter_named(name.trim())?;
+        set(parameters, parameter, value.trim().parse().map_err(|_| wrong())?)?;
+    }
+    Ok(())
+}
+
+/// Sets a parameter after a check of its range.
+fn set(parameters: &mut Parameters<f64>, parameter: Parameter, value: f64) -> Result<(), Failure> {
+    let info = parameter.info();
+    if !(info.lower..=info.upper).contains(&value) {
+        return Err(Failure::usage(format!(
+            "`{}` = {value}: expected {} to {} {}",
+            info.name, info.lower, info.upper, info.unit
+        )));
+    }
+    parameters.set(parameter, value);
+    Ok(())
 }
 
 /// Ranges with the user's bounds in place of those of the same parameters.
@@ -98,9 +157,12 @@ struct Fitted {
     rig: Rig,
     ranges: Vec<Range>,
     noise_source: [NoiseSource; 4],
+    records: Vec<Record>,
     prepared: Vec<Prepared>,
     fit: Fit,
+    population: usize,
     names: Vec<String>,
+    trace: Option<PathBuf>,
 }
 
 /// Reads records and fits the ranges that `choose` takes from the rig.
@@ -110,9 +172,10 @@ fn fit_records(
     default_rig: &str,
     choose: impl FnOnce(&Rig) -> Vec<Range>,
 ) -> Result<Fitted, Failure> {
+    interrupt::watch()?;
     let rig = rig(common, default_rig)?;
     let ranges = with_bounds(&choose(&rig), &options.bounds)?;
-    let records = read_records(common, &options.records)?;
+    let records = options.input.read(common, &options.records)?;
     let (noise, noise_source) = fit::estimate(&rig, &records);
     let prepared: Vec<Prepared> = records.iter().map(|record| fit::prepare(&rig, record, noise[0])).collect();
     let settings = FitSettings { seed: common.seed, population: options.population, budget: options.budget };
@@ -122,11 +185,36 @@ fn fit_records(
     });
     bar.finish_and_clear();
     let names = options.records.iter().map(|path| path.display().to_string()).collect();
-    Ok(Fitted { rig, ranges, noise_source, prepared, fit, names })
+    let population = options.population;
+    Ok(Fitted {
+        rig,
+        ranges,
+        noise_source,
+        records,
+        prepared,
+        fit,
+        population,
+        names,
+        trace: options.trace.clone(),
+    })
 }
 
-/// A search that used up its budget has not converged: its result is printed, and the exit code says so.
+/// Writes a trace where the user wants it: in a file, else in the directory of `--out`, else not.
+fn save_trace(common: &Common, path: Option<&Path>, trace: impl FnOnce() -> Trace) -> Result<(), Failure> {
+    let Some(path) = path.map(Path::to_path_buf).or_else(|| output::out_path(common, TRACE_FILE)) else {
+        return Ok(());
+    };
+    trace().save(&path)?;
+    output::log(common, &format!("wrote {}", path.display()));
+    Ok(())
+}
+
+/// A search that was interrupted or used up its budget has not converged: its result is printed, and the exit code says
+/// so.
 fn converged(fit: &Fit) -> Result<(), Failure> {
+    if fit.interrupted {
+        return interrupt::check();
+    }
     if fit.stop == StopReason::Budget {
         return Err(Failure::convergence(format!(
             "no convergence within {} evaluations; allow more with --budget, or narrow the --bounds",

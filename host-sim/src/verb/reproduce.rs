@@ -8,9 +8,11 @@ use super::diagnose::Job;
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::fit::{self, Fit, FitSettings};
+use crate::interrupt;
 use crate::output::{self, SCHEMA};
 use crate::plant::{self, Excitation, Sensing};
 use crate::record::Record;
+use crate::report::{self, Portrait, Reproduced};
 use crate::rig::{BUILT_IN, Rig};
 use crate::thesis::{BKL_BOUNDS, CASES, Case};
 use eha_monitor::channel::Channel;
@@ -26,6 +28,8 @@ use std::time::Instant;
 
 /// Samples of a case: 1 s at 1 kHz.
 const SAMPLES: usize = 1001;
+/// Their period, s.
+const SAMPLE_PERIOD: f64 = 1e-3;
 /// Weights of the channels: the noise of the sensors that the design assumes.
 const NOISE: [f64; 4] = [5e-6, f64::INFINITY, 0.02, f64::INFINITY];
 /// Longest step of the HF model, s.
@@ -51,12 +55,14 @@ pub struct Options {
 /// # Errors
 /// Stdout cannot be written.
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
+    interrupt::watch()?;
     let started = Instant::now();
     let monitor: Rig = (BUILT_IN[0].make)();
     let augmented = if options.lf_data { None } else { Some(closed_loop(common)?) };
     let bar = output::bar(common, CASES.len() as u64, "reproducing");
     let results: Vec<Outcome> = CASES
         .par_iter()
+        .filter(|_| !interrupt::requested())
         .map(|case| {
             let record = record(case.command, case.bkl, case.fdj, !options.lf_data)?;
             let before = identify(common.seed, case, &record, &monitor);
@@ -66,7 +72,13 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         })
         .collect::<Result<_, Failure>>()?;
     bar.finish_and_clear();
-    let findings = if options.cases_only { Vec::new() } else { findings(common.seed)? };
+    // A case that was cut short says nothing.
+    let whole = |outcome: &Outcome| {
+        !outcome.before.interrupted && outcome.after.as_ref().is_none_or(|fit| !fit.interrupted)
+    };
+    let results: Vec<Outcome> = results.into_iter().filter(whole).collect();
+    let findings =
+        if options.cases_only || interrupt::requested() { Vec::new() } else { findings(common.seed)? };
     let seconds = started.elapsed().as_secs_f64();
     let cases: Vec<Value> = results.iter().map(Outcome::json).collect();
     let effects: Vec<&str> =
@@ -80,15 +92,21 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         .collect();
     let result = json!({
         "schema": SCHEMA, "cases": cases, "added_effects": effects, "findings": findings_json, "seconds": seconds, "seed": common.seed,
-        "config": { "version": env!("CARGO_PKG_VERSION"), "data": if options.lf_data { "lf" } else { "hf" },
+        "config": { "version": env!("CARGO_PKG_VERSION"), "seed": common.seed, "data": if options.lf_data { "lf" } else { "hf" },
                     "samples": SAMPLES, "plant_step_s": PLANT_STEP, "channels": ["lvdt_m", "current_mA"] },
     });
     if let Some(path) = output::out_path(common, "reproduce.json") {
         output::write_file(&path, serde_json::to_string_pretty(&result).map_err(Failure::other)?.as_bytes())?;
         output::log(common, &format!("wrote {}", path.display()));
     }
+    let portraits = if common.out.is_some() { portraits()? } else { Vec::new() };
+    output::report(common, || {
+        let cases: Vec<Reproduced> = results.iter().map(Outcome::in_report).collect();
+        report::reproduction(&cases, &portraits, &result)
+    })?;
     if common.json {
-        return output::print_json(&result);
+        output::print_json(&result)?;
+        return interrupt::check();
     }
     if let Some(rig) = &augmented {
         let names: Vec<&str> = rig.effects.iter().map(|effect| effect.name).collect();
@@ -101,7 +119,8 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     output::print(&format!(
         "total {seconds:.2} s (the source: 3532 to 10208 s for one case); seed {}",
         common.seed
-    ))
+    ))?;
+    interrupt::check()
 }
 
 /// Noise-free record of the source's actuator.
@@ -121,7 +140,7 @@ fn fly(
     rig.parameters.bkl = bkl;
     rig.parameters.fdj = fdj;
     rig.parameters.metering_blend = if high_fidelity { 1.0 } else { 0.0 };
-    let excitation = Excitation::of_command(command, SAMPLES, 1e-3)?;
+    let excitation = Excitation::of_command(command, SAMPLES, SAMPLE_PERIOD)?;
     let outputs = plant::run(rig.form, &rig.parameters, &excitation, PLANT_STEP);
     Ok((excitation, outputs, rig.form))
 }
@@ -150,6 +169,11 @@ impl Outcome {
         self.case.mean_error_percent(bkl, fdj)
     }
 
+    fn in_report(&self) -> Reproduced {
+        let pair = |fit: &Fit| <[f64; 2]>::from(faults(fit));
+        Reproduced { case: self.case, before: pair(&self.before), after: self.after.as_ref().map(pair) }
+    }
+
     fn json(&self) -> Value {
         let case = &self.case;
         let ours = |fit: &Fit| {
@@ -172,6 +196,21 @@ impl Outcome {
             "after": self.after.as_ref().map(ours),
         })
     }
+}
+
+/// The healthy actuator by both models, flying each command of the cases.
+fn portraits() -> Result<Vec<Portrait>, Failure> {
+    let position = |command: &str, high_fidelity: bool| -> Result<Vec<f64>, Failure> {
+        let (_, outputs, _) = fly(command, 0.0, Parameter::DryFriction.info().default, high_fidelity)?;
+        Ok(outputs.iter().map(|output| output.user).collect())
+    };
+    ["chirp", "mixed"]
+        .into_iter()
+        .map(|command| {
+            let (high, low) = (position(command, true)?, position(command, false)?);
+            Ok(Portrait { command, sample_period: SAMPLE_PERIOD, high, low })
+        })
+        .collect()
 }
 
 /// The monitor's rig with what two healthy HF records reveal, validated on a third.

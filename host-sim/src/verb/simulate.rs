@@ -1,11 +1,12 @@
 //! `simulate`: a record from the HF or the LF model.
 
+use super::{assignments, set};
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::output;
 use crate::plant::{self, Excitation, Sensing};
 use crate::record::read_csv;
-use crate::rig::{channel_named, parameter_named, unknown};
+use crate::rig::{channel_named, unknown};
 use clap::ValueEnum;
 use eha_monitor::channel::{Channel, ChannelRole};
 use eha_monitor::command::{COMMANDS, Command, CommandInfo, cosine_of_turns, sine_of_turns};
@@ -91,10 +92,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     if options.model == Fidelity::Hf && rig.form.drive == Drive::Valve {
         rig.parameters.metering_blend = 1.0;
     }
-    for text in &options.set {
-        let (name, value) = assignment(text)?;
-        set(&mut rig.parameters, parameter_named(name)?, number(text, value)?)?;
-    }
+    assignments(&mut rig.parameters, &options.set)?;
     for text in &options.effects {
         let (name, values) = assignment(text)?;
         let Some(effect) = EffectInfo::named(name) else {
@@ -156,22 +154,6 @@ fn channel_json(list: &[(Channel, f64)]) -> Value {
         .map(|(channel, value)| (channel.info().column.to_owned(), json!(value)))
         .collect::<Map<_, _>>()
         .into()
-}
-
-fn set(
-    parameters: &mut eha_monitor::parameter::Parameters<f64>,
-    parameter: eha_monitor::parameter::Parameter,
-    value: f64,
-) -> Result<(), Failure> {
-    let info = parameter.info();
-    if !(info.lower..=info.upper).contains(&value) {
-        return Err(Failure::usage(format!(
-            "`{}` = {value}: expected {} to {} {}",
-            info.name, info.lower, info.upper, info.unit
-        )));
-    }
-    parameters.set(parameter, value);
-    Ok(())
 }
 
 fn assignment(text: &str) -> Result<(&str, &str), Failure> {

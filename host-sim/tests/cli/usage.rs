@@ -29,7 +29,7 @@ fn a_wrong_value_is_named_with_what_was_expected() {
     let bench = Bench::new();
     bench.noisy_record();
     for (arguments, parts) in [
-        (&["identify"][..], &["REC.csv"][..]),
+        (&["identify"][..], &["<REC>"][..]),
         (&["identify", "record.csv", "--bounds", "bkl=5..1"], &["5 to 1 of `bkl`", "lower < upper"]),
         (&["identify", "record.csv", "--bounds", "bkl=0..nan"], &["`bkl`"]),
         (&["identify", "record.csv", "--bounds", "bkl=0"], &["NAME=LOW..HIGH"]),

@@ -1,0 +1,27 @@
+//! Reports for people: one HTML file that needs no network, with inline SVG.
+//!
+//! ```text
+//! identification.rs, diagnosis.rs, reproduction.rs    what a verb's report says
+//!        |-- figures.rs      figures from records, residuals, searches, estimates
+//!        |       |-- statistics.rs, surface.rs    what is computed for them
+//!        |       `-- plot.rs, rows.rs, scale.rs   how they are drawn
+//!        `-- page.rs, style.css    the page around them: light, dark and paper
+//! ```
+
+mod diagnosis;
+mod figures;
+mod identification;
+mod page;
+mod plot;
+mod reproduction;
+mod rows;
+mod scale;
+mod statistics;
+mod surface;
+
+pub(crate) use diagnosis::{Diagnosed, diagnosis};
+pub(crate) use identification::{Identified, identification};
+pub(crate) use reproduction::{Portrait, Reproduced, reproduction};
+
+/// Name of a report in the output directory.
+pub(crate) const REPORT_FILE: &str = "report.html";

@@ -1,0 +1,190 @@
+//! What a residual series has to say about itself: spectrum, correlation with itself and with the motion.
+//!
+//! Series are given one for each record; NaN is a sample that is not compared.
+
+use realfft::RealFftPlanner;
+
+/// A spectrum and what white noise of the same power would show.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Spectrum {
+    /// Frequency, Hz, and amplitude density, unit per root of hertz.
+    pub(super) points: Vec<[f64; 2]>,
+    /// Amplitude density of white noise of a given standard deviation: low and high end of its 95 % band.
+    pub(super) white: [f64; 2],
+}
+
+/// Longest segment of the spectrum, samples.
+const LONGEST_SEGMENT: usize = 2048;
+/// Segments that one record is cut into, but for their overlap.
+const SEGMENTS: usize = 4;
+
+/// Amplitude density by Welch's method (Hann window, half overlap, mean removed), and the band of white noise of the
+/// standard deviation `noise`. None where the records are too short.
+pub(super) fn spectrum(all: &[Vec<f64>], sample_period: f64, noise: f64) -> Option<Spectrum> {
+    let longest = all.iter().map(Vec::len).max().unwrap_or(0);
+    let length = (longest / SEGMENTS).min(LONGEST_SEGMENT) & !1;
+    if length < 16 {
+        return None;
+    }
+    let window: Vec<f64> = (0..length)
+        .map(|k| 0.5 - 0.5 * (std::f64::consts::TAU * (k as f64 + 0.5) / length as f64).cos())
+        .collect();
+    let weight: f64 = window.iter().map(|w| w * w).sum();
+    let transform = RealFftPlanner::<f64>::new().plan_fft_forward(length);
+    let mut power = vec![0.0; length / 2 + 1];
+    let mut segments = 0;
+    for one in all {
+        let present = one.iter().filter(|value| value.is_finite());
+        let mean = present.clone().sum::<f64>() / present.count().max(1) as f64;
+        for segment in one.windows(length).step_by(length / 2) {
+            let mut input: Vec<f64> = segment
+                .iter()
+                .zip(&window)
+                .map(|(value, w)| if value.is_finite() { (value - mean) * w } else { 0.0 })
+                .collect();
+            let mut output = transform.make_output_vec();
+            transform.process(&mut input, &mut output).ok()?;
+            for (sum, bin) in power.iter_mut().zip(&output) {
+                *sum += bin.norm_sqr();
+            }
+            segments += 1;
+        }
+    }
+    let scale = 2.0 * sample_period / weight / f64::from(segments.max(1));
+    let points = power
+        .iter()
+        .enumerate()
+        .skip(1)
+        .map(|(bin, sum)| [bin as f64 / (length as f64 * sample_period), (sum * scale).sqrt()])
+        .collect();
+    // Half overlapped Hann segments count as 18 K^2/(19 K - 1) independent ones (Welch 1967), two degrees each.
+    let count = f64::from(segments);
+    let freedom = 2.0 * 18.0 * count * count / (19.0 * count - 1.0);
+    let level = 2.0 * noise * noise * sample_period;
+    Some(Spectrum {
+        points,
+        white: [-1.96, 1.96].map(|normal| (level * chi_square_mean(freedom, normal)).sqrt()),
+    })
+}
+
+/// Quantile of chi-square over its degrees of freedom, from that of the normal distribution (Wilson and Hilferty).
+fn chi_square_mean(freedom: f64, normal: f64) -> f64 {
+    let spread = 2.0 / (9.0 * freedom);
+    (1.0 - spread + normal * spread.sqrt()).max(0.0).powi(3)
+}
+
+/// Correlation of a series with itself at lags 1 to `lags` samples.
+pub(super) fn autocorrelation(all: &[Vec<f64>], lags: usize) -> Vec<f64> {
+    let power: f64 = all.iter().flatten().filter(|value| value.is_finite()).map(|value| value * value).sum();
+    (1..=lags)
+        .map(|lag| {
+            let products =
+                all.iter().flat_map(|one| one.iter().zip(one.iter().skip(lag))).map(|(a, b)| a * b);
+            products.filter(|product| product.is_finite()).sum::<f64>() / power.max(f64::MIN_POSITIVE)
+        })
+        .collect()
+}
+
+/// Correlation of a series with another one that is `lag` samples earlier, for lags from `-reach` to `reach`.
+pub(super) fn cross_correlation(all: &[Vec<f64>], others: &[Vec<f64>], reach: usize) -> Vec<[f64; 2]> {
+    let norm = |series: &[Vec<f64>]| {
+        series
+            .iter()
+            .flatten()
+            .filter(|value| value.is_finite())
+            .map(|value| value * value)
+            .sum::<f64>()
+            .sqrt()
+    };
+    let scale = (norm(all) * norm(others)).max(f64::MIN_POSITIVE);
+    (0..=2 * reach)
+        .map(|index| {
+            let (later, earlier) = (index.saturating_sub(reach), reach.saturating_sub(index));
+            let mut sum = 0.0;
+            for (one, other) in all.iter().zip(others) {
+                let pairs = one.iter().skip(later).zip(other.iter().skip(earlier));
+                sum += pairs.map(|(a, b)| a * b).filter(|x| x.is_finite()).sum::<f64>();
+            }
+            [index as f64 - reach as f64, sum / scale]
+        })
+        .collect()
+}
+
+/// Number of samples that are compared.
+pub(super) fn present(all: &[Vec<f64>]) -> usize {
+    all.iter().flatten().filter(|value| value.is_finite()).count()
+}
+
+/// Quantities of a motion that a residual may follow: name and series. Means are taken off all but the first.
+pub(super) fn motion(ram: &[f64], sample_period: f64) -> Vec<(&'static str, Vec<f64>)> {
+    let last = ram.len().saturating_sub(1);
+    let slope = |series: &[f64]| -> Vec<f64> {
+        (0..series.len())
+            .map(|k| (series[(k + 1).min(last)] - series[k.saturating_sub(1)]) / (2.0 * sample_period))
+            .collect()
+    };
+    let velocity = slope(ram);
+    let acceleration = slope(&velocity);
+    let centred = |series: Vec<f64>| -> Vec<f64> {
+        let mean = series.iter().sum::<f64>() / series.len().max(1) as f64;
+        series.into_iter().map(|value| value - mean).collect()
+    };
+    vec![
+        ("a constant", vec![1.0; ram.len()]),
+        ("position", centred(ram.to_vec())),
+        ("velocity", centred(velocity.clone())),
+        ("speed", centred(velocity.iter().map(|v| v.abs()).collect())),
+        ("direction", centred(velocity.iter().map(|v| if *v == 0.0 { 0.0 } else { v.signum() }).collect())),
+        ("acceleration", centred(acceleration)),
+        ("time", centred((0..ram.len()).map(|k| k as f64).collect())),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand_distr::{Distribution, Normal};
+    use rand_xoshiro::rand_core::SeedableRng;
+
+    fn white(count: usize, sigma: f64) -> Vec<f64> {
+        let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(3);
+        let normal = Normal::new(0.0, sigma).unwrap();
+        (0..count).map(|_| normal.sample(&mut random)).collect()
+    }
+
+    fn outside(spectrum: &Spectrum) -> f64 {
+        let [low, high] = spectrum.white;
+        let count = spectrum.points.iter().filter(|point| !(low..=high).contains(&point[1])).count();
+        count as f64 / spectrum.points.len() as f64
+    }
+
+    #[test]
+    fn white_noise_stays_in_its_band_as_often_as_the_band_says() {
+        let spectrum = spectrum(&[white(60_000, 5e-6)], 1e-3, 5e-6).unwrap();
+        assert!((0.02..0.09).contains(&outside(&spectrum)), "{}", outside(&spectrum));
+        let correlations = autocorrelation(&[white(60_000, 5e-6)], 200);
+        let band = 1.96 / 60_000_f64.sqrt();
+        let out = correlations.iter().filter(|c| c.abs() > band).count();
+        assert!((3..=20).contains(&out), "{out} of 200");
+    }
+
+    #[test]
+    fn the_band_of_another_noise_is_left() {
+        let spectrum = spectrum(&[white(60_000, 10e-6)], 1e-3, 5e-6).unwrap();
+        assert!(outside(&spectrum) > 0.95);
+    }
+
+    #[test]
+    fn a_tone_shows_at_its_frequency_and_a_delay_at_its_lag() {
+        let tone: Vec<f64> =
+            (0..8000).map(|k| (std::f64::consts::TAU * 50.0 * f64::from(k) * 1e-3).sin()).collect();
+        let found = spectrum(&[tone], 1e-3, 1.0).unwrap();
+        let peak = found.points.iter().max_by(|a, b| a[1].total_cmp(&b[1])).unwrap();
+        assert!((peak[0] - 50.0).abs() < 1.0, "{peak:?}");
+        let noise = white(5000, 1.0);
+        let late: Vec<f64> = (0..5000).map(|k: usize| k.checked_sub(7).map_or(0.0, |k| noise[k])).collect();
+        let found = cross_correlation(&[late], &[noise], 20);
+        let peak = found.iter().max_by(|a, b| a[1].total_cmp(&b[1])).unwrap();
+        assert_eq!(peak[0], 7.0);
+    }
+}

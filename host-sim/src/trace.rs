@@ -1,0 +1,113 @@
+//! What was measured, predicted and left, sample by sample, as a CSV or Parquet file.
+
+use crate::failure::Failure;
+use crate::fit::Prepared;
+use crate::output;
+use crate::record::Record;
+use eha_monitor::channel::{CHANNELS, Channel, ChannelRole};
+use eha_monitor::model::state::Outputs;
+use parquet::data_type::DoubleType;
+use parquet::errors::ParquetError;
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::parser::parse_message_type;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Name of a trace in the output directory.
+pub const TRACE_FILE: &str = "trace.csv";
+
+/// Columns of equal length, each with its name; NaN is a blank cell, or a null.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Trace {
+    columns: Vec<(String, Vec<f64>)>,
+}
+
+impl Trace {
+    /// The trace of records against models, each with a name and its predictions of every record: the number of the
+    /// record, its time and inputs, and for each measured channel the value, and what each model predicts of it.
+    pub fn new(records: &[Record], prepared: &[Prepared], models: &[(&str, &[Vec<Outputs<f64>>])]) -> Self {
+        let mut trace = Self::default();
+        let times =
+            |record: &Record| (0..record.len()).map(|sample| record.time_s(sample)).collect::<Vec<_>>();
+        let numbers =
+            records.iter().enumerate().map(|(index, record)| vec![(index + 1) as f64; record.len()]);
+        trace.columns.push(("record".to_owned(), numbers.flatten().collect()));
+        trace
+            .columns
+            .push((Channel::Time.info().column.to_owned(), records.iter().flat_map(times).collect()));
+        let given = |channel: Channel| records.iter().any(|record| record.channel(channel).is_some());
+        for info in CHANNELS.iter().filter(|info| info.role == ChannelRole::Input && given(info.channel)) {
+            let values = records.iter().flat_map(|record| series(record, info.channel));
+            trace.columns.push((info.column.to_owned(), values.collect()));
+        }
+        for (index, channel) in
+            Channel::MEASURED.into_iter().enumerate().filter(|(_, channel)| given(*channel))
+        {
+            let column = channel.info().column;
+            let values = records.iter().flat_map(|record| series(record, channel));
+            trace.columns.push((column.to_owned(), values.collect()));
+            for (name, predictions) in models {
+                let predicted: Vec<f64> = predictions.iter().flatten().map(|o| o.to_array()[index]).collect();
+                let compared = prepared.iter().flat_map(|one| {
+                    let record = one.as_core();
+                    (0..one.len()).map(|sample| record.is_compared(sample)).collect::<Vec<_>>()
+                });
+                let measured = records.iter().flat_map(|record| series(record, channel));
+                let residual =
+                    measured.zip(&predicted).zip(compared).map(|((value, predicted), compared)| {
+                        if compared { value - predicted } else { f64::NAN }
+                    });
+                let residual = residual.collect();
+                trace.columns.push((format!("{column}_{name}"), predicted));
+                trace.columns.push((format!("{column}_{name}_residual"), residual));
+            }
+        }
+        trace
+    }
+
+    /// Writes the trace whole or not at all: as Parquet if the name of the file ends so, else as CSV.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), Failure> {
+        let parquet = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("parquet"));
+        let bytes = if parquet { self.parquet().map_err(Failure::other)? } else { self.csv()? };
+        output::write_file(path, &bytes)
+    }
+
+    fn csv(&self) -> Result<Vec<u8>, Failure> {
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        writer.write_record(self.columns.iter().map(|(name, _)| name)).map_err(Failure::other)?;
+        let rows = self.columns.first().map_or(0, |(_, values)| values.len());
+        for row in 0..rows {
+            let cells = self.columns.iter().map(|(_, values)| {
+                let value = values[row];
+                if value.is_nan() { String::new() } else { format!("{value:?}") }
+            });
+            writer.write_record(cells).map_err(Failure::other)?;
+        }
+        writer.into_inner().map_err(Failure::other)
+    }
+
+    fn parquet(&self) -> Result<Vec<u8>, ParquetError> {
+        let fields: Vec<String> =
+            self.columns.iter().map(|(name, _)| format!("OPTIONAL DOUBLE {name};")).collect();
+        let schema = Arc::new(parse_message_type(&format!("message trace {{ {} }}", fields.join(" ")))?);
+        let mut writer = SerializedFileWriter::new(Vec::new(), schema, Arc::default())?;
+        let mut group = writer.next_row_group()?;
+        for (_, values) in &self.columns {
+            let Some(mut column) = group.next_column()? else { break };
+            let present: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
+            let levels: Vec<i16> = values.iter().map(|value| i16::from(!value.is_nan())).collect();
+            column.typed::<DoubleType>().write_batch(&present, Some(&levels), None)?;
+            column.close()?;
+        }
+        group.close()?;
+        writer.into_inner()
+    }
+}
+
+/// The values of a channel; missing everywhere where the record does not have it.
+fn series(record: &Record, channel: Channel) -> Vec<f64> {
+    record.channel(channel).map_or_else(|| vec![f64::NAN; record.len()], <[f64]>::to_vec)
+}

@@ -1,0 +1,253 @@
+//! `check`: what records are worth, before any fit.
+
+use super::{DEFAULT_RIG, InputOptions, assignments};
+use crate::cli::Common;
+use crate::failure::Failure;
+use crate::fit;
+use crate::inspect::excitation::{Promise, Question, Trial};
+use crate::inspect::{Facts, facts};
+use crate::output::{self, SCHEMA, quantity};
+use crate::record::Record;
+use crate::rig::{Range, Rig};
+use eha_monitor::command::Shape;
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Options of `check`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Options {
+    /// Records (CSV, MAT, Parquet), each looked at alone.
+    #[arg(required = true, value_name = "REC")]
+    records: Vec<PathBuf>,
+    #[command(flatten)]
+    input: InputOptions,
+    /// Value at which the faults are foreseen, in place of the rig's: `--at fdj=800`.
+    #[arg(long = "at", value_name = "NAME=VALUE")]
+    at: Vec<String>,
+}
+
+/// A record, and what is said of it.
+struct Checked {
+    record: Record,
+    facts: Facts,
+    promises: Vec<Promise>,
+    trials: Vec<Trial>,
+    best_gain: Option<f64>,
+}
+
+/// Share of its range below which the 95 % interval of a parameter is called narrow, and fair.
+const NARROW: f64 = 0.01;
+const FAIR: f64 = 0.1;
+
+/// Commands that the table shows.
+const SHOWN: usize = 8;
+
+/// Runs the verb.
+///
+/// # Errors
+/// Usage, or a file that is not a record.
+pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
+    let mut rig = super::rig(common, DEFAULT_RIG)?;
+    assignments(&mut rig.parameters, &options.at)?;
+    let ranges = if rig.faults.is_empty() { rig.free.clone() } else { rig.faults.clone() };
+    let records = options.input.read(common, &options.records)?;
+    let checked: Vec<Checked> = records.into_iter().map(|record| look(&rig, &ranges, record)).collect();
+    let result = json(common, &rig, &ranges, &checked);
+    if let Some(path) = output::out_path(common, "check.json") {
+        output::write_file(&path, serde_json::to_string_pretty(&result).map_err(Failure::other)?.as_bytes())?;
+        output::log(common, &format!("wrote {}", path.display()));
+    }
+    if common.json {
+        return output::print_json(&result);
+    }
+    checked.iter().try_for_each(|one| print(&ranges, one))?;
+    output::print(&format!("host-sim {}; rig {}; seed {}", env!("CARGO_PKG_VERSION"), rig.name, common.seed))
+}
+
+fn look(rig: &Rig, ranges: &[Range], record: Record) -> Checked {
+    let (noise, _) = fit::estimate(rig, std::slice::from_ref(&record));
+    let question = Question { rig, ranges, noise };
+    let promises = question.of_record(&record);
+    let trials = question.of_commands(&record);
+    let own =
+        promises.iter().filter(|promise| promise.recorded).map(|p| question.badness(&p.standard_errors));
+    let own = own.fold(f64::INFINITY, f64::min);
+    let best_gain = trials
+        .first()
+        .filter(|best| !best.saturates())
+        .map(|best| (own - question.badness(&best.standard_errors)).exp());
+    Checked { facts: facts(&record, &noise), promises, trials, best_gain, record }
+}
+
+/// How well a parameter would be known.
+fn grade(range: &Range, standard_error: f64) -> &'static str {
+    let share = 2.0 * 1.96 * standard_error / (range.upper - range.lower);
+    match share {
+        _ if share < NARROW => "narrow",
+        _ if share < FAIR => "fair",
+        _ => "poor",
+    }
+}
+
+fn errors_json(ranges: &[Range], standard_errors: &[f64]) -> Value {
+    ranges
+        .iter()
+        .zip(standard_errors)
+        .map(|(range, &error)| {
+            let info = range.parameter.info();
+            json!({ "name": info.name, "standard_error": output::number(error), "unit": info.unit, "grade": grade(range, error) })
+        })
+        .collect()
+}
+
+fn amplitude_unit(trial: &Trial) -> &'static str {
+    if trial.command.shape == Shape::Ramp { "m/s" } else { "m" }
+}
+
+fn json(common: &Common, rig: &Rig, ranges: &[Range], checked: &[Checked]) -> Value {
+    let records: Vec<Value> = checked
+        .iter()
+        .map(|one| {
+            let channels: Vec<Value> = one
+                .facts
+                .channels
+                .iter()
+                .map(|facts| {
+                    let info = facts.channel.info();
+                    json!({
+                        "name": info.column, "unit": info.unit, "range": facts.range, "noise": facts.noise,
+                        "quantum": facts.quantum, "missing": facts.missing, "longest_gap_s": facts.longest_gap_s,
+                        "saturated_share": facts.saturated_share,
+                    })
+                })
+                .collect();
+            let promises: Vec<Value> = one
+                .promises
+                .iter()
+                .map(|promise| {
+                    json!({
+                        "channels": promise.channels.iter().map(|c| c.info().column).collect::<Vec<_>>(),
+                        "recorded": promise.recorded,
+                        "faults": errors_json(ranges, &promise.standard_errors),
+                    })
+                })
+                .collect();
+            let commands: Vec<Value> = one
+                .trials
+                .iter()
+                .map(|trial| {
+                    json!({
+                        "command": trial.command.name, "amplitude": trial.amplitude,
+                        "amplitude_unit": amplitude_unit(trial), "duration_s": trial.duration_s, "saturated_share": trial.saturated_share,
+                        "faults": errors_json(ranges, &trial.standard_errors),
+                    })
+                })
+                .collect();
+            json!({
+                "record": one.record.name(),
+                "samples": one.record.len(),
+                "sample_period_s": one.record.sample_period_s(),
+                "start_time_s": one.record.start_time_s(),
+                "duration_s": one.record.len() as f64 * one.record.sample_period_s(),
+                "channels": channels,
+                "response": one.facts.response.map(|r| json!({ "delay_s": r.delay_s, "correlation": r.correlation })),
+                "motion": {
+                    "travel_m": one.facts.motion.travel_m, "top_speed_m_s": one.facts.motion.top_speed_m_s,
+                    "reversals": one.facts.motion.reversals, "rest_share": one.facts.motion.rest_share,
+                },
+                "foreseen": promises,
+                "commands": commands,
+                "best_command_gain": one.best_gain.filter(|gain| gain.is_finite()),
+                "notes": one.facts.notes,
+            })
+        })
+        .collect();
+    let names: Vec<String> = checked.iter().map(|one| one.record.name().to_owned()).collect();
+    json!({
+        "schema": SCHEMA, "records": records, "seed": common.seed,
+        "config": output::config_json(common, rig, ranges, &names),
+    })
+}
+
+fn print(ranges: &[Range], one: &Checked) -> Result<(), Failure> {
+    let (record, facts) = (&one.record, &one.facts);
+    output::print(&format!(
+        "{}: {} samples, {} Hz, {:.3} s from {} s",
+        record.name(),
+        record.len(),
+        (1.0 / record.sample_period_s() * 1e3).round() / 1e3,
+        record.len() as f64 * record.sample_period_s(),
+        record.start_time_s()
+    ))?;
+    let mut table =
+        output::table(["channel", "smallest", "largest", "noise", "step", "lost", "on an extreme"]);
+    for channel in &facts.channels {
+        let info = channel.channel.info();
+        let q = |value| quantity(value, info.unit);
+        table.add_row([
+            info.column.to_owned(),
+            q(channel.range[0]),
+            q(channel.range[1]),
+            channel.noise.map_or_else(|| "-".to_owned(), q),
+            if channel.quantum > 0.0 { q(channel.quantum) } else { "-".to_owned() },
+            channel.missing.to_string(),
+            format!("{:.1} %", channel.saturated_share * 100.0),
+        ]);
+    }
+    output::print(&table.to_string())?;
+    let delay = facts.response.map_or_else(
+        || "-".to_owned(),
+        |response| format!("{:.1} ms (correlation {:.3})", response.delay_s * 1e3, response.correlation),
+    );
+    output::print(&format!(
+        "response behind the command: {delay}; travel {}, top speed {:.3} m/s, {} reversals, {:.0} % of the time at rest",
+        quantity(facts.motion.travel_m, "m"),
+        facts.motion.top_speed_m_s,
+        facts.motion.reversals,
+        facts.motion.rest_share * 100.0
+    ))?;
+    for note in &facts.notes {
+        output::print(&format!("note: {note}"))?;
+    }
+    output::print("\nforeseen standard errors, from the model's sensitivities:")?;
+    let mut header = vec!["channels".to_owned(), "recorded".to_owned()];
+    for range in ranges {
+        header.extend([range.parameter.info().name.to_owned(), "interval".to_owned()]);
+    }
+    let row = |start: Vec<String>, standard_errors: &[f64]| -> Vec<String> {
+        let errors = ranges.iter().zip(standard_errors).flat_map(|(range, &error)| {
+            [quantity(error, range.parameter.info().unit), grade(range, error).to_owned()]
+        });
+        start.into_iter().chain(errors).collect()
+    };
+    let mut table = output::table(&header);
+    for promise in &one.promises {
+        let names: Vec<&str> = promise.channels.iter().map(|channel| channel.info().column).collect();
+        let recorded = if promise.recorded { "yes" } else { "no" };
+        table.add_row(row(vec![names.join(" + "), recorded.to_owned()], &promise.standard_errors));
+    }
+    output::print(&table.to_string())?;
+    if one.trials.is_empty() {
+        return Ok(());
+    }
+    output::print("\nbuilt-in commands of the same length, with the channels of the record, best first:")?;
+    header.splice(0..2, ["command".to_owned(), "amplitude".to_owned(), "current at its limit".to_owned()]);
+    let mut table = output::table(&header);
+    for trial in one.trials.iter().take(SHOWN) {
+        let amplitude = if trial.amplitude > 0.0 {
+            quantity(trial.amplitude, amplitude_unit(trial))
+        } else {
+            "-".to_owned()
+        };
+        let limit = format!("{:.1} %", trial.saturated_share * 100.0);
+        table.add_row(row(vec![trial.command.name.to_owned(), amplitude, limit], &trial.standard_errors));
+    }
+    output::print(&table.to_string())?;
+    match (one.best_gain, one.trials.first()) {
+        (Some(gain), Some(best)) if gain > 1.2 => output::print(&format!(
+            "next: `{}` would give standard errors {gain:.1} times smaller (geometric mean of the faults)\n",
+            best.command.name
+        )),
+        _ => output::print("no built-in command does much better than this record\n"),
+    }
+}

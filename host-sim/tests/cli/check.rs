@@ -1,0 +1,100 @@
+//! What a record is worth, before any fit.
+
+use super::harness::{Bench, named, number};
+use serde_json::Value;
+
+/// The entry for a set of channels.
+fn foreseen<'a>(record: &'a Value, channels: &[&str]) -> &'a Value {
+    let entries = record["foreseen"].as_array().expect("a list");
+    &entries
+        .iter()
+        .find(|entry| entry["channels"] == serde_json::json!(channels))
+        .expect("the set of channels")["faults"]
+}
+
+#[test]
+fn it_foresees_the_standard_errors_that_a_fit_then_has() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    let check =
+        bench.run(&["check", "record.csv", "--at", "bkl=2e-4", "--at", "fdj=800", "--json"]).done().json();
+    let fit = bench.run(&["identify", "record.csv", "--json"]).done().json();
+    let both = foreseen(&check["records"][0], &["lvdt_m", "current_mA"]);
+    for name in ["bkl", "fdj"] {
+        let promised = number(&named(both, name)["standard_error"]);
+        let found = number(&named(&fit["faults"], name)["standard_error"]);
+        assert!((promised / found - 1.0).abs() < 0.1, "{name}: {promised} foreseen, {found} found");
+    }
+    // Without the current, the two look alike: the friction is known far less well.
+    let alone = number(&named(foreseen(&check["records"][0], &["lvdt_m"]), "fdj")["standard_error"]);
+    assert!(alone > 10.0 * number(&named(both, "fdj")["standard_error"]), "{alone}");
+}
+
+#[test]
+fn the_command_that_it_recommends_is_better() {
+    let bench = Bench::new();
+    let sensors = ["--noise", "lvdt_m=5e-6", "--channels", "lvdt_m"];
+    bench.simulate("ramp.csv", &[&["--model", "lf", "--command", "ramp"][..], &sensors].concat());
+    let before = bench.run(&["check", "ramp.csv", "--json"]).done().json();
+    let record = &before["records"][0];
+    assert!(record["notes"].to_string().contains("never turns"), "{record}");
+    assert!(number(&record["best_command_gain"]) > 1.2, "{record}");
+    let best = &record["commands"][0];
+    assert!(number(&best["saturated_share"]) <= 0.01, "{best}");
+    let command = best["command"].as_str().expect("a name");
+    let amplitude = number(&best["amplitude"]).to_string();
+    let mut arguments = vec!["--model", "lf", "--command", command];
+    if amplitude != "0" {
+        arguments.extend(["--amplitude", &amplitude]);
+    }
+    bench.simulate("best.csv", &[&arguments[..], &sensors].concat());
+    let error = |name: &str| {
+        let fit = bench.run(&["identify", name, "--json"]).done().json();
+        ["bkl", "fdj"].map(|fault| number(&named(&fit["faults"], fault)["standard_error"]))
+    };
+    let (ramp, best) = (error("ramp.csv"), error("best.csv"));
+    assert!(best[0] * best[1] < ramp[0] * ramp[1], "{best:?} {ramp:?}");
+}
+
+#[test]
+fn it_says_what_is_wrong_with_a_record() {
+    let bench = Bench::new();
+    let options = ["--model", "lf", "--command", "sine", "--noise", "lvdt_m=5e-6", "--dropout", "0.05"];
+    bench.simulate("record.csv", &options);
+    let text = bench.read("record.csv");
+    // The LVDT cut off at 2 mm.
+    let mut column = None;
+    let cut: String = text
+        .lines()
+        .map(|line| {
+            let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+            if line.starts_with("t_s") {
+                column = cells.iter().position(|name| name == "lvdt_m");
+            } else if let (Some(column), false) = (column, line.starts_with('#'))
+                && cells[column].parse::<f64>().is_ok_and(|value| value > 2e-3)
+            {
+                cells[column] = "0.002".to_owned();
+            }
+            cells.join(",") + "\n"
+        })
+        .collect();
+    bench.write("cut.csv", &cut);
+    let check = |name: &str| bench.run(&["check", name, "--json"]).done().json()["records"][0].clone();
+    let (sound, cut) = (check("record.csv"), check("cut.csv"));
+    assert!(cut["notes"].to_string().contains("lvdt_m rests on an extreme"), "{cut}");
+    assert!(!sound["notes"].to_string().contains("lvdt_m rests"), "{sound}");
+    let lvdt = named(&sound["channels"], "lvdt_m");
+    assert!((number(&lvdt["noise"]) / 5e-6 - 1.0).abs() < 0.15, "{lvdt}");
+    assert!((20.0..90.0).contains(&number(&lvdt["missing"])), "{lvdt}");
+    // The servo loop's gain of 0.1 per 10 ms: the position is some 10 ms late.
+    let delay = number(&sound["response"]["delay_s"]);
+    assert!((2e-3..5e-2).contains(&delay), "{delay}");
+    assert_eq!(
+        sound["motion"]["reversals"], 9,
+        "4 mm at 5 Hz for a second turns ten times, the last beyond its end"
+    );
+    let text = bench.run(&["check", "record.csv", "cut.csv"]).done().stdout;
+    for part in ["lvdt_m + current_mA", "best first", "response behind the command", "seed 1"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+}

@@ -1,0 +1,90 @@
+//! The guides in `docs`: every command in them is run, in the order of the page.
+
+use super::harness::Bench;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// The blocks of a page that are fenced as a language.
+fn blocks(page: &str, language: &str) -> Vec<String> {
+    let text = std::fs::read_to_string(root().join("docs").join(page)).expect("a guide");
+    let fence = format!("```{language}");
+    let mut blocks = Vec::new();
+    let mut lines = text.lines();
+    while let Some(line) = lines.next() {
+        if line == fence {
+            let block: Vec<&str> = lines.by_ref().take_while(|line| *line != "```").collect();
+            blocks.push(block.join("\n"));
+        }
+    }
+    blocks
+}
+
+/// Runs the shell blocks of a page one after the other in one directory, with the program on the path.
+fn run(page: &str, directory: &Path) -> Vec<String> {
+    let program = Path::new(env!("CARGO_BIN_EXE_host-sim")).parent().expect("a directory");
+    let path = format!("{}:{}", program.display(), std::env::var("PATH").unwrap_or_default());
+    blocks(page, "sh")
+        .into_iter()
+        .map(|block| {
+            let output = Command::new("bash")
+                .args(["-euo", "pipefail", "-c", &block])
+                .current_dir(directory)
+                .env("PATH", &path)
+                .output()
+                .expect("bash runs");
+            let (out, log) =
+                (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+            assert!(output.status.success(), "{page}:\n{block}\n{out}\n{log}");
+            out.into_owned()
+        })
+        .collect()
+}
+
+#[test]
+fn the_guide_for_prognostics_names_the_effect() {
+    let bench = Bench::new();
+    let outputs = run("guide-prognostics.md", &bench.path("."));
+    assert!(outputs.len() >= 6, "{} blocks", outputs.len());
+    let all = outputs.join("\n");
+    for part in ["verdict: explained", "effect: turbulent-metering", "fault-parameter check"] {
+        assert!(all.contains(part), "{part}: {all}");
+    }
+    assert!(bench.path("diagnosis/report.html").exists() && bench.path("faults/report.html").exists());
+}
+
+#[test]
+fn the_guide_for_firmware_shows_commands_that_exist() {
+    let blocks = blocks("guide-firmware.md", "sh");
+    let aliases = std::fs::read_to_string(root().join(".cargo/config.toml")).expect("cargo's configuration");
+    let mut commands = 0;
+    for line in blocks.iter().flat_map(|block| block.lines()).filter(|line| !line.starts_with('#')) {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        // Builds are made, and boards run, by the jobs and tests that these commands name.
+        let known = match words[..] {
+            ["cargo", "xtask", job] => std::fs::read_to_string(root().join("xtask/src/main.rs"))
+                .expect("jobs")
+                .contains(&format!("Self::{}", capital(job))),
+            ["cargo", "firmware", ..] => aliases.contains("firmware = "),
+            ["cargo", "test", "-p", "host-sim", "--test", test, ..] => {
+                root().join(format!("host-sim/tests/{test}.rs")).exists()
+            }
+            ["cargo", "test", "--test", test, ..] => {
+                root().join(format!("tests/{test}.rs")).exists()
+                    || root().join(format!("tests/{test}")).is_dir()
+            }
+            _ => false,
+        };
+        assert!(known, "no test stands for `{line}`");
+        commands += 1;
+    }
+    assert!(commands >= 3, "{commands} commands");
+}
+
+fn capital(word: &str) -> String {
+    let mut letters = word.chars();
+    letters.next().map(|first| first.to_uppercase().chain(letters).collect()).unwrap_or_default()
+}

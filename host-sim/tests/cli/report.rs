@@ -1,0 +1,150 @@
+//! The HTML reports: whole, without network, and as a browser shows them.
+
+use super::harness::Bench;
+use std::path::Path;
+use std::process::Command;
+
+/// Debian's Chromium.
+const BROWSER: &str = "chromium";
+
+/// What makes it start anywhere, alone and silent.
+const ALONE: [&str; 8] = [
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+];
+
+/// Script that looks at the page as it is laid out, and leaves what it finds as the title: one finding a line.
+const PROBE: &str = r#"<script>
+const found = [];
+const add = (text) => { if (found.length < 20) found.push(text); };
+if (document.documentElement.scrollWidth > innerWidth) add(`page is ${document.documentElement.scrollWidth} wide`);
+const figures = [...document.querySelectorAll("figure")];
+let texts = 0;
+for (const figure of figures) {
+  const boxes = [...figure.querySelectorAll("svg text, figcaption > .title, .item")]
+    .filter((text) => text.textContent.trim())
+    .map((text) => [text.textContent, text.getBoundingClientRect()]);
+  texts += boxes.length;
+  const svg = figure.querySelector("svg");
+  const frame = svg && svg.getBoundingClientRect();
+  boxes.forEach(([name, a], index) => {
+    for (const [other, b] of boxes.slice(index + 1)) {
+      const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+      const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+      if (across > 1 && down > 1) add(`"${name}" overlaps "${other}"`);
+    }
+    if (frame && name !== figure.querySelector(".title").textContent && !figure.querySelector(".legend")?.textContent.includes(name)
+        && (a.left < frame.left - 1 || a.right > frame.right + 1 || a.bottom > frame.bottom + 1)) add(`"${name}" is cut off`);
+  });
+  if (svg && !svg.querySelector("text.axis")) add("an axis without a name");
+}
+const dark = getComputedStyle(document.body).backgroundColor === "rgb(15, 20, 26)";
+document.title = [`figures ${figures.length}`, `texts ${texts}`, `dark ${dark}`, ...found].join("\n");
+</script></body>"#;
+
+/// What a browser shows of a page: what the probe found, and what the console says.
+fn look(page: &Path, width: u32, dark: bool) -> (Vec<String>, Vec<String>) {
+    let text = std::fs::read_to_string(page).expect("a page");
+    assert_eq!(text.matches("</body>").count(), 1);
+    let probed = page.with_extension("probed.html");
+    std::fs::write(&probed, text.replace("</body>", PROBE)).expect("a page with a probe");
+    let profile = tempfile::tempdir().expect("a directory");
+    let mut command = Command::new(BROWSER);
+    command.args(ALONE).args(["--enable-logging=stderr", "--dump-dom"]);
+    command
+        .arg(format!("--user-data-dir={}", profile.path().display()))
+        .arg(format!("--window-size={width},900"));
+    if dark {
+        command.arg("--blink-settings=preferredColorScheme=0");
+    }
+    let output = command.arg(format!("file://{}", probed.display())).output().expect("the browser runs");
+    let dom = String::from_utf8_lossy(&output.stdout);
+    let title = dom.split("<title>").nth(1).and_then(|rest| rest.split("</title>").next());
+    let found = title.unwrap_or_else(|| panic!("no title: {dom}")).lines().map(str::to_owned).collect();
+    let log = String::from_utf8_lossy(&output.stderr);
+    (found, log.lines().filter(|line| line.contains("CONSOLE")).map(str::to_owned).collect())
+}
+
+/// Is there a browser? Says so where there is none.
+fn browser() -> bool {
+    let there = Command::new(BROWSER).arg("--version").output().is_ok_and(|output| output.status.success());
+    if !there {
+        eprintln!("skipped: no {BROWSER}; `cargo xtask setup` installs it where it may");
+    }
+    there
+}
+
+fn make_pages(bench: &Bench) -> [&'static str; 4] {
+    bench.noisy_record();
+    bench.run(&["identify", "record.csv", "--out", "identify"]).done();
+    let long = ["--model", "lf", "--duration", "60", "--command", "sine", "--noise", "lvdt_m=5e-6"];
+    bench.simulate(
+        "long.csv",
+        &[&long[..], &["--frequency", "0.7", "--channels", "lvdt_m", "--dropout", "0.01"]].concat(),
+    );
+    bench.run(&["identify", "long.csv", "--out", "long", "--budget", "40"]);
+    bench.run(&["demo", "--out", "demo"]).done();
+    bench.run(&["reproduce", "--lf-data", "--cases-only", "--out", "reproduce"]).done();
+    ["identify", "long", "demo", "reproduce"]
+}
+
+#[test]
+fn reports_are_whole_and_a_browser_shows_them_well() {
+    let bench = Bench::new();
+    let names = make_pages(&bench);
+    for name in names {
+        let text = bench.read(&format!("{name}/report.html"));
+        assert!(text.ends_with("</html>") && text.len() < 1_500_000, "{name}: {} bytes", text.len());
+        for outside in ["http:", "https:", "src=", "@import", "<script"] {
+            assert!(!text.contains(outside), "{name} has {outside}");
+        }
+        for part in
+            ["Configuration", "seed", env!("CARGO_PKG_VERSION"), "prefers-color-scheme: dark", "@media print"]
+        {
+            assert!(text.contains(part), "{name} lacks {part}");
+        }
+    }
+    if !browser() {
+        return;
+    }
+    for (name, width, dark) in names.into_iter().map(|name| (name, 1280, false)).chain([
+        ("identify", 500, false),
+        ("demo", 500, true),
+        ("demo", 1280, true),
+    ]) {
+        let (found, console) = look(&bench.path(&format!("{name}/report.html")), width, dark);
+        assert_eq!(console, [""; 0], "{name} at {width}");
+        let [figures, texts, scheme, wrong @ ..] = found.as_slice() else { panic!("{found:?}") };
+        let count = |text: &str| text.split(' ').nth(1).and_then(|n| n.parse::<usize>().ok()).unwrap_or(0);
+        assert!(count(figures) >= 6 && count(texts) >= 60, "{name} at {width}: {found:?}");
+        assert_eq!(scheme, &format!("dark {dark}"));
+        assert!(wrong.is_empty(), "{name} at {width}: {wrong:#?}");
+    }
+}
+
+#[test]
+fn the_browser_check_sees_what_is_wrong() {
+    if !browser() {
+        return;
+    }
+    let bench = Bench::new();
+    bench.write(
+        "bad.html",
+        r#"<!DOCTYPE html><html><head><title></title></head><body><div style="width:3000px">wide</div><figure>
+        <figcaption><span class="title">t</span></figcaption><svg viewBox="0 0 100 50" width="400"><text x="10" y="20">one</text>
+        <text x="12" y="22">two</text><text x="95" y="40">outside</text></svg></figure>
+        <script>console.error("boo")</script></body></html>"#,
+    );
+    let (found, console) = look(&bench.path("bad.html"), 1280, false);
+    let found = found.join("; ");
+    for part in ["wide", "\"one\" overlaps \"two\"", "\"outside\" is cut off", "axis without a name"] {
+        assert!(found.contains(part), "{part}: {found}");
+    }
+    assert!(console.iter().any(|line| line.contains("boo")), "{console:?}");
+}
