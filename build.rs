@@ -1,6 +1,6 @@
 //! Gives the linker what the firmware needs: memory layout, vector table, log strings.
 //!
-//! The arguments are bound to the one binary, so neither the library nor a host build sees them, and they do
+//! The arguments are bound to the binaries of the firmware, so neither the library nor a host build sees them, and they do
 //! not depend on `RUSTFLAGS`.
 
 use std::{env, error::Error, fs, path::PathBuf};
@@ -9,6 +9,9 @@ use std::{env, error::Error, fs, path::PathBuf};
 const FLASH_ORIGIN_STM32H743: u32 = 0x0800_0000;
 /// Start of the code memory (SSRAM1) of the emulated mps2 boards.
 const FLASH_ORIGIN_MPS2: u32 = 0x0000_0000;
+
+/// The binaries that go to a microcontroller.
+const FIRMWARE: [&str; 2] = ["firmware", "firmware-monitor"];
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo:rerun-if-changed=build.rs");
@@ -32,7 +35,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         "-Tlink.x".to_owned(),
         "-Tdefmt.x".to_owned(),
     ] {
-        println!("cargo:rustc-link-arg-bin=firmware={argument}");
+        for binary in FIRMWARE {
+            println!("cargo:rustc-link-arg-bin={binary}={argument}");
+        }
     }
     Ok(())
 }

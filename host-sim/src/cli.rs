@@ -65,6 +65,10 @@ pub(crate) enum Verb {
     Rigs(verb::lists::RigsOptions),
     /// Convert a MAT (v5, v7.3), Parquet or foreign CSV file to a record.
     Import(verb::import::Options),
+    /// Hardware in the loop: samples to the firmware's monitor over a serial line, its estimates as they come.
+    Hil(verb::hil::Options),
+    /// What the firmware costs on the emulated boards, against its limits.
+    Budget(verb::budget::Options),
     /// Completions for a shell: `host-sim completions bash > /etc/bash_completion.d/host-sim`.
     Completions(verb::shell::CompletionsOptions),
     /// The manual page of the program or a verb; with `--out DIR`, all of them as files.

@@ -8,11 +8,13 @@
 //!              |-- fit/      records + rig --> core search --> estimates, residuals
 //! ```
 
+pub mod budget;
 pub mod cli;
 pub mod diagnose;
 pub mod emulator;
 pub mod failure;
 pub mod fit;
+pub mod hil;
 pub mod inspect;
 pub mod interrupt;
 pub mod output;
@@ -53,6 +55,8 @@ pub fn run(cli: &Cli) -> Result<(), Failure> {
         Verb::Commands => verb::lists::commands(common),
         Verb::Rigs(options) => verb::lists::rigs(common, options),
         Verb::Import(options) => verb::import::run(common, options),
+        Verb::Hil(options) => verb::hil::run(common, options),
+        Verb::Budget(options) => verb::budget::run(common, options),
         Verb::Completions(options) => verb::shell::completions(options),
         Verb::Man(options) => verb::shell::man(common, options),
     }

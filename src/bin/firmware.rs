@@ -26,6 +26,16 @@ trait Platform {
 
     /// Runs `work` once and reports what it cost, where the platform can tell.
     fn measure<T>(&mut self, group: &str, name: &str, work: impl FnOnce() -> T) -> T;
+
+    /// Runs `work` in several rounds, each after `prepare` of its number, and reports what the dearest of them cost.
+    fn measure_worst(
+        &mut self,
+        group: &str,
+        name: &str,
+        rounds: u32,
+        prepare: impl FnMut(u32),
+        work: impl FnMut(u32),
+    );
 }
 
 /// The host's entry; the microcontroller's is `platform::start`.

@@ -240,7 +240,59 @@ pub fn advance<T: Real, S: Stepper<T>>(
         }
         level = S::TOP.saturating_sub(1);
     }
-    divide(stepper, model, run, segment, level, &mut observe);
+    divide(stepper, model, run, segment, &mut Place { position: 0, level }, u32::MAX, &mut observe);
+}
+
+/// A place inside a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// Finest steps from the start of the sample.
+    position: u32,
+    /// Level of the next step.
+    level: usize,
+}
+
+/// Most steps that cannot be parted: those of a finest step that is full of events.
+pub const LONGEST_PIECE: u32 = 1 + 3 * EVENTS_PER_STEP as u32;
+
+/// Advances a run by one sample as [`advance`] does, but by at most `allowance` steps now.
+///
+/// True at the end of the sample. Otherwise `place` says where it goes on with the next call. It goes nowhere on an
+/// allowance below [`LONGEST_PIECE`].
+#[inline]
+pub fn advance_some<T: Real, S: Stepper<T>>(
+    stepper: &mut S,
+    model: &Model<T>,
+    run: &mut Run<T>,
+    segment: &InputSegment<T>,
+    place: &mut Option<Place>,
+    allowance: u32,
+    mut observe: impl FnMut(T),
+) -> bool {
+    if allowance < LONGEST_PIECE {
+        return false;
+    }
+    let last = run.steps.saturating_add(allowance - LONGEST_PIECE);
+    stepper.enter(model, &run.mode);
+    let mut now = if let Some(now) = *place {
+        now
+    } else {
+        if model.guards_see_command_rate() {
+            run.guards = Guards::at(model, &run.mode, &run.state, &segment.start, segment.time);
+        }
+        let mut level = if run.calm < stepper.calm() { 0 } else { S::TOP.min(run.ceiling) };
+        if level == S::TOP && stepper.units() == size::<T, S>(S::TOP) {
+            if attempt(stepper, model, run, segment, 0, S::TOP) {
+                observe(run.state.ground());
+                return true;
+            }
+            level = S::TOP.saturating_sub(1);
+        }
+        Place { position: 0, level }
+    };
+    let done = divide(stepper, model, run, segment, &mut now, last, &mut observe);
+    *place = if done { None } else { Some(now) };
+    done
 }
 
 /// Finest steps in a step of a level.
@@ -295,19 +347,25 @@ fn ceiling<T: Real, S: Stepper<T>>(level: usize, error: T) -> usize {
     }
 }
 
-/// Takes a run over one sample in several steps, the first of a level.
+/// Takes a run over one sample in several steps from a place on; none of them is begun once more than `last` steps have
+/// been taken. True at the end of the sample.
 #[inline(never)]
 fn divide<T: Real, S: Stepper<T>>(
     stepper: &mut S,
     model: &Model<T>,
     run: &mut Run<T>,
     segment: &InputSegment<T>,
-    mut level: usize,
+    place: &mut Place,
+    last: u32,
     observe: &mut impl FnMut(T),
-) {
+) -> bool {
     let units = stepper.units();
-    let mut position: u32 = 0;
+    let Place { mut position, mut level } = *place;
     while position < units {
+        if run.steps > last {
+            *place = Place { position, level };
+            return false;
+        }
         if !attempt(stepper, model, run, segment, position, level) {
             if level > 0 {
                 level = run.ceiling.min(level - 1);
@@ -326,6 +384,7 @@ fn divide<T: Real, S: Stepper<T>>(
             level += 1;
         }
     }
+    true
 }
 
 /// Takes a run over one finest step that holds at least one event.

@@ -58,9 +58,30 @@ impl Board {
     }
 }
 
+/// Which of the firmware's binaries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Binary {
+    /// The workload: an identification of samples that it makes itself.
+    Workload,
+    /// The streaming monitor behind the serial line.
+    Monitor,
+}
+
+impl Binary {
+    /// Its name in `eha-monitor`.
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Workload => "firmware",
+            Self::Monitor => "firmware-monitor",
+        }
+    }
+}
+
 /// Which firmware to build.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BuildOptions {
+    /// The binary.
+    pub binary: Binary,
     /// The board.
     pub board: Board,
     /// The processor.
@@ -96,7 +117,7 @@ impl BuildOptions {
                 stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
             });
         }
-        let built = directory.join(TARGET).join("release").join("firmware");
+        let built = directory.join(TARGET).join("release").join(self.binary.name());
         let path = directory.join(self.image_name());
         let image = fs::read(&built).map_err(file_error(&built))?;
         // An image of this name may be running: rename, so that it keeps the file it has.
@@ -108,7 +129,7 @@ impl BuildOptions {
 
     /// The build command.
     fn cargo(&self, target_directory: &Path) -> Command {
-        let mut cargo = cargo("build");
+        let mut cargo = cargo("build", self.binary);
         cargo.args(["--release", "--target", TARGET]).arg("--target-dir").arg(target_directory);
         let features: Vec<&str> =
             self.board.feature().into_iter().chain(self.features.iter().map(String::as_str)).collect();
@@ -124,8 +145,10 @@ impl BuildOptions {
             Board::Mps2 => "mps2",
             Board::Stm32h743 => "stm32h743",
         };
-        let parts: Vec<&str> =
-            [board, self.cpu.name()].into_iter().chain(self.features.iter().map(String::as_str)).collect();
+        let parts: Vec<&str> = [self.binary.name(), board, self.cpu.name()]
+            .into_iter()
+            .chain(self.features.iter().map(String::as_str))
+            .collect();
         format!("{}.elf", parts.join("-"))
     }
 }
@@ -174,7 +197,7 @@ impl Firmware {
 ///
 /// Where it does not build, ends abnormally or prints a malformed line.
 pub fn run_on_host() -> Result<RunLog, EmulatorError> {
-    let output = run(cargo("run").arg("--target-dir").arg(target_directory()))?;
+    let output = run(cargo("run", Binary::Workload).arg("--target-dir").arg(target_directory()))?;
     let stderr = || String::from_utf8_lossy(&output.stderr).into_owned();
     let Some(exit_code) = output.status.code() else {
         return Err(EmulatorError::Run { status: output.status.to_string(), stderr: stderr() });
@@ -189,8 +212,8 @@ pub fn run_on_host() -> Result<RunLog, EmulatorError> {
     )
 }
 
-/// `cargo VERB` for the firmware binary, free of what the caller's environment would do to the compiler.
-fn cargo(verb: &str) -> Command {
+/// `cargo VERB` for a binary of the firmware, free of what the caller's environment would do to the compiler.
+fn cargo(verb: &str, binary: Binary) -> Command {
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo
         .current_dir(workspace())
@@ -203,7 +226,7 @@ fn cargo(verb: &str) -> Command {
             "--package",
             "eha-monitor",
             "--bin",
-            "firmware",
+            binary.name(),
         ])
         // These win over the flags for the processor, and instrumented code is not what will fly.
         .env_remove("RUSTFLAGS")

@@ -18,7 +18,9 @@ mod footprint;
 mod log;
 mod qemu;
 
-pub use build::{Board, BuildOptions, Cpu, EXIT_HARD_FAULT, Firmware, PANIC_SYMBOL, TARGET, run_on_host};
+pub use build::{
+    Binary, Board, BuildOptions, Cpu, EXIT_HARD_FAULT, Firmware, PANIC_SYMBOL, TARGET, run_on_host,
+};
 pub use error::EmulatorError;
 pub use footprint::Footprint;
 pub use log::{LogLine, ResultValue, RunLog};

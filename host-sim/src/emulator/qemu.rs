@@ -1,7 +1,7 @@
 //! Runs an image under QEMU.
 
 use super::{
-    build::{Board, BuildOptions, Cpu, Firmware},
+    build::{Binary, Board, BuildOptions, Cpu, Firmware},
     error::EmulatorError,
     log::{self, RunLog},
 };
@@ -22,11 +22,13 @@ const DEFAULT_TIME_LIMIT: Duration = Duration::from_mins(2);
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 
 /// An emulated board.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Machine {
     /// Cortex-M7.
+    #[value(name = "mps2-an500")]
     Mps2An500,
     /// Cortex-M4F.
+    #[value(name = "mps2-an386")]
     Mps2An386,
 }
 
@@ -52,9 +54,15 @@ impl Machine {
 }
 
 impl BuildOptions {
-    /// The firmware for an emulated board, with the instructions of its processor.
+    /// The firmware's workload for an emulated board, with the instructions of its processor.
     pub const fn for_machine(machine: Machine) -> Self {
-        Self { board: Board::Mps2, cpu: machine.cpu(), features: Vec::new() }
+        Self { binary: Binary::Workload, board: Board::Mps2, cpu: machine.cpu(), features: Vec::new() }
+    }
+
+    /// The same for another binary, with further features.
+    #[must_use]
+    pub fn with(self, binary: Binary, features: &[&str]) -> Self {
+        Self { binary, features: features.iter().map(|&feature| feature.to_owned()).collect(), ..self }
     }
 }
 
@@ -63,18 +71,27 @@ impl BuildOptions {
 pub struct Emulator {
     machine: Machine,
     time_limit: Duration,
+    /// Port on this host that the board's serial line is connected to.
+    line: Option<u16>,
 }
 
 impl Emulator {
     /// The board `machine`, with a limit of two minutes on a run.
     pub const fn new(machine: Machine) -> Self {
-        Self { machine, time_limit: DEFAULT_TIME_LIMIT }
+        Self { machine, time_limit: DEFAULT_TIME_LIMIT, line: None }
     }
 
     /// Sets the wall-clock limit of a run.
     #[must_use]
     pub const fn time_limit(mut self, limit: Duration) -> Self {
         self.time_limit = limit;
+        self
+    }
+
+    /// Connects the board's first serial line to a port on which this host listens.
+    #[must_use]
+    pub const fn line(mut self, port: u16) -> Self {
+        self.line = Some(port);
         self
     }
 
@@ -116,7 +133,7 @@ impl Emulator {
         let mut command = Command::new(QEMU);
         command
             .args(["-machine", self.machine.name()])
-            .args(["-display", "none", "-monitor", "none", "-serial", "none"])
+            .args(["-display", "none", "-monitor", "none"])
             .args(["-chardev", "stdio,id=log,signal=off"])
             .args(["-semihosting-config", "enable=on,target=native,chardev=log"])
             .args(["-icount", "shift=6,align=off,sleep=off"])
@@ -125,6 +142,12 @@ impl Emulator {
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped());
+        if let Some(port) = self.line {
+            let socket = format!("socket,id=line,host=127.0.0.1,port={port},nodelay=on");
+            command.args(["-chardev", &socket, "-serial", "chardev:line"]);
+        } else {
+            command.args(["-serial", "none"]);
+        }
         command
     }
 }

@@ -1,9 +1,11 @@
 //! The verbs of the program, one file each.
 
+pub mod budget;
 pub mod calibrate;
 pub mod check;
 pub mod demo;
 pub mod diagnose;
+pub mod hil;
 pub mod identify;
 pub mod import;
 pub mod lists;

@@ -4,11 +4,14 @@
 //! mps2 boards ticks every 40 ns (25 MHz): the count is one of instructions, exact and repeatable, and says nothing
 //! of cycles. On the real part the timer runs at the core's clock and counts cycles.
 
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::{
+    hint::black_box,
+    sync::atomic::{AtomicU32, Ordering},
+};
 use cortex_m::peripheral::{SYST, syst::SystClkSource};
 
 /// What the counter counts.
-pub(super) const UNIT: &str = if cfg!(feature = "board-stm32h743") { "cycles" } else { "instructions" };
+const UNIT: &str = if cfg!(feature = "board-stm32h743") { "cycles" } else { "instructions" };
 
 /// Counts per tick of the timer, as a fraction: 40 ns a tick over 64 ns an instruction, or a cycle a tick.
 const COUNTS_PER_TICK: (u64, u64) = if cfg!(feature = "board-stm32h743") { (1, 1) } else { (40, 64) };
@@ -26,8 +29,13 @@ fn SysTick() {
     WRAPS.store(WRAPS.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
 }
 
+/// Reports the cost of a piece of work.
+pub(crate) fn report(group: &str, name: &str, cost: u64) {
+    defmt::println!("measure {=str}.{=str}.{=str}={=u64}", group, name, UNIT, cost);
+}
+
 /// A running count of instructions (emulated boards) or cycles (real part).
-pub(super) struct Counter {
+pub(crate) struct Counter {
     timer: SYST,
     /// Ticks between two readings with nothing between them.
     overhead: u64,
@@ -35,7 +43,7 @@ pub(super) struct Counter {
 
 impl Counter {
     /// Starts the timer, which is this counter's from now on.
-    pub(super) fn new(mut timer: SYST) -> Self {
+    pub(crate) fn new(mut timer: SYST) -> Self {
         timer.set_clock_source(SystClkSource::Core);
         timer.set_reload(RELOAD);
         timer.clear_current();
@@ -49,7 +57,7 @@ impl Counter {
 
     /// Ticks since the start.
     #[inline(never)]
-    pub(super) fn now(&self) -> u64 {
+    fn now(&self) -> u64 {
         // A wrap between the two readings of its count would give the new timer value with the old count.
         loop {
             let wraps = WRAPS.load(Ordering::Relaxed);
@@ -60,8 +68,22 @@ impl Counter {
         }
     }
 
+    /// Runs `work` once; what it gives, and what it cost.
+    pub(crate) fn cost_of<T>(&self, work: impl FnOnce() -> T) -> (T, u64) {
+        // The black boxes keep the compiler from moving the work out of the measured interval.
+        let work = black_box(work);
+        let start = self.now();
+        let value = black_box(work());
+        if cfg!(feature = "negative-control-slow") {
+            // Everything takes twice as long, and short work a thousand instructions more.
+            let wait = self.since(start).saturating_add(1000);
+            cortex_m::asm::delay(u32::try_from(wait).unwrap_or(u32::MAX));
+        }
+        (value, self.since(start))
+    }
+
     /// Instructions (cycles on the real part) since `start`, without the cost of reading the timer.
-    pub(super) fn since(&self, start: u64) -> u64 {
+    fn since(&self, start: u64) -> u64 {
         let ticks = self.now().saturating_sub(start).saturating_sub(self.overhead);
         // A tick is shorter than an instruction: each reading is exact to one instruction.
         let (numerator, denominator) = COUNTS_PER_TICK;

@@ -18,4 +18,18 @@ impl Platform for Host {
     fn measure<T>(&mut self, _group: &str, _name: &str, work: impl FnOnce() -> T) -> T {
         work()
     }
+
+    fn measure_worst(
+        &mut self,
+        _group: &str,
+        _name: &str,
+        rounds: u32,
+        mut prepare: impl FnMut(u32),
+        mut work: impl FnMut(u32),
+    ) {
+        for round in 0..rounds {
+            prepare(round);
+            work(round);
+        }
+    }
 }

@@ -4,11 +4,8 @@
 //! the noise only. In `hf` they come from the high-fidelity equations (metering valve, midpoint rule), and what the
 //! monitor's model leaves out is read as a fault: the estimates come as they are.
 
-#[cfg(any(feature = "negative-control-panic", feature = "negative-control-f64"))]
-use core::hint::black_box;
-
 use crate::Platform;
-use core::slice;
+use core::{hint::black_box, slice};
 use eha_monitor::{
     command::{Command, CommandInfo},
     fit::{
@@ -16,8 +13,10 @@ use eha_monitor::{
         problem::{Free, Problem, Record},
         walk::Walk,
     },
+    ga::{Settings as SearchSettings, SteadyState},
     integrate::{Stepper, exact::Exact, midpoint::Midpoint},
     model::{Form, Model, state::BASE_ORDER},
+    monitor::{queue::SampleQueue, sample::Sample},
     parameter::{Parameter, Parameters},
     trial::{Samples, SensorNoise},
 };
@@ -75,7 +74,9 @@ pub(crate) fn run(platform: &mut impl Platform, memory: &mut Memory) {
     platform.measure("lf", "sampling", || samples.take(&lf, stepper, &command, PERIOD));
     measure_quiet_sample(platform, &lf, &samples.record(), stepper);
     samples.disturb(&NOISE, NOISE_SEED);
+    measure_generation(platform, samples, stepper);
     identify(platform, "lf", samples, stepper);
+    measure_push(platform);
 
     platform.measure("hf", "sampling", || samples.take(&hf, &mut Midpoint::new(HF_STEP), &command, PERIOD));
     samples.disturb(&NOISE, NOISE_SEED);
@@ -108,6 +109,57 @@ fn measure_quiet_sample(
     }
 }
 
+/// What is fitted to the samples.
+fn problem<'a>(records: &'a [Record<'a, f32>]) -> Problem<'a, f32> {
+    Problem {
+        form: Form::default(),
+        parameters: Parameters::default(),
+        free: &FREE,
+        records,
+        noise: NOISE.of_channels(),
+    }
+}
+
+/// Reports what a generation costs: as many children as the population has members.
+fn measure_generation(
+    platform: &mut impl Platform,
+    samples: &Samples<f32, SAMPLES>,
+    stepper: &mut MonitorStepper,
+) {
+    let records = [samples.record()];
+    let problem = problem(&records);
+    let mut search = SteadyState::<f32, { FREE.len() }, POPULATION>::new(
+        SearchSettings::default(),
+        FREE.len(),
+        SEARCH_SEED,
+    );
+    let mut generation = || {
+        for _ in 0..POPULATION {
+            let genes = search.ask();
+            search.tell(problem.misfit(&genes, stepper).mean_square());
+        }
+    };
+    generation();
+    platform.measure("lf", "generation", generation);
+    platform.result_count("lf", "generation_replacements", search.counters().replacements.into());
+}
+
+/// Reports what the interrupt pays for a sample, with room in the queue and without, at every place of its ring.
+fn measure_push(platform: &mut impl Platform) {
+    const CAPACITY: u32 = 8;
+    let mut queue = SampleQueue::<{ CAPACITY as usize }>::new();
+    let (mut inlet, mut outlet) = queue.split();
+    let empty = |round: u32| {
+        if round.is_multiple_of(CAPACITY + 1) {
+            while outlet.pop().is_some() {}
+        }
+    };
+    platform.measure_worst("monitor", "push", CAPACITY * (CAPACITY + 1), empty, |tick| {
+        inlet.push(black_box(Sample { tick, command: 1.0, user: f32::NAN, current: 2.0 }));
+    });
+    platform.result_count("monitor", "push_overruns", outlet.overruns().into());
+}
+
 /// Identifies the faults from the samples with the monitor's model, and reports what it finds and what it costs.
 fn identify(
     platform: &mut impl Platform,
@@ -116,13 +168,7 @@ fn identify(
     stepper: &mut MonitorStepper,
 ) {
     let records = [samples.record()];
-    let problem = Problem {
-        form: Form::default(),
-        parameters: Parameters::default(),
-        free: &FREE,
-        records: &records,
-        noise: NOISE.of_channels(),
-    };
+    let problem = problem(&records);
     let truth = [FREE[0].gene(FAULTS[0]), FREE[1].gene(FAULTS[1])];
     let misfit = platform.measure(trial, "evaluation", || problem.misfit(&truth, stepper));
     platform.result_f32(trial, "chi_square_of_truth", misfit.chi_square);

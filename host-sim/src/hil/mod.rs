@@ -1,0 +1,255 @@
+//! Hardware in the loop: samples over a line to the firmware's monitor, its reports back, and the same on this host.
+//!
+//! A station's answer is a function of the bytes that reach it. So the host runs the same station on the same bytes,
+//! damage included, and both answers must be the same bytes.
+
+pub mod damage;
+pub mod line;
+pub mod stream;
+
+use crate::emulator::RunLog;
+use crate::failure::Failure;
+use crate::rig::{BUILT_IN, Rig};
+use damage::{Damage, Injected};
+use eha_monitor::fit::problem::Free;
+use eha_monitor::integrate::exact::Exact;
+use eha_monitor::link::frame::{Decoder, LONGEST, encode};
+use eha_monitor::link::message::{FAULTS, FromMonitor, ReportMessage, SAMPLES, Setup, ToMonitor};
+use eha_monitor::link::station::Station;
+use eha_monitor::model::Model;
+use eha_monitor::model::state::BASE_ORDER;
+use eha_monitor::monitor::config::{Config, Fault};
+use eha_monitor::parameter::Parameter;
+use eha_monitor::trial::SensorNoise;
+use line::Line;
+use std::io::{Read, Write};
+use std::sync::mpsc;
+use std::thread;
+use std::time::{Duration, Instant};
+use stream::{Growth, Simulated};
+
+/// Samples in a window of the firmware's monitor, and members of its population.
+pub const WINDOW: usize = 1000;
+const POPULATION: usize = 20;
+/// Modes whose transition matrices the host's monitor keeps; results do not depend on it.
+const SLOTS: usize = 8;
+/// Steps of the model that the monitor may take for each sample: an eighth of the processor at 480 MHz.
+pub const STEPS_PER_SAMPLE: u16 = 100;
+
+/// The host's station.
+type Twin = Station<Exact<f32, BASE_ORDER, SLOTS>, WINDOW, POPULATION>;
+
+/// What goes over the line.
+#[derive(Clone, Debug)]
+pub struct Session {
+    /// What the monitor is told.
+    pub config: Config<FAULTS>,
+    /// Command, user position and current of each sample.
+    pub samples: Vec<[f32; 3]>,
+    /// Chance that a byte of the samples is damaged on its way.
+    pub damage: f64,
+    /// Seed of the damage.
+    pub seed: u64,
+}
+
+/// What came of it.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Reports of the firmware, as they came.
+    pub reports: Vec<ReportMessage>,
+    /// Its counters at the end; none where they did not come.
+    pub status: Option<FromMonitor>,
+    /// Reports of the same monitor on this host.
+    pub twin: Vec<ReportMessage>,
+    /// Did both answer the same bytes?
+    pub is_identical: bool,
+    /// Bytes that were sent.
+    pub bytes: usize,
+    /// What happened to them.
+    pub injected: Injected,
+    /// What the firmware measured, where it can.
+    pub log: Option<RunLog>,
+}
+
+/// One piece of what is sent, and when it is due, in samples.
+struct Piece {
+    bytes: Vec<u8>,
+    due: usize,
+}
+
+impl Session {
+    /// The flight that budgets are measured on: the second window has grown faults, the third knows them.
+    ///
+    /// # Errors
+    /// None, unless the built-in rig is broken.
+    pub fn reference() -> Result<Self, Failure> {
+        let rig = Rig::load(BUILT_IN[0].name)?;
+        let fault = |parameter, lower, upper, healthy, alarm| Fault {
+            free: Free { parameter, lower, upper },
+            healthy,
+            alarm,
+        };
+        let faults = [
+            fault(Parameter::Backlash, 0.0, 1.5e-3, 1e-4, 2e-4),
+            fault(Parameter::DryFriction, 200.0, 4000.0, 400.0, 600.0),
+        ];
+        let noise = SensorNoise { user: 5e-6, current: 0.02 };
+        let mut parameters = rig.parameters;
+        for fault in &faults {
+            parameters.set(fault.free.parameter, fault.healthy.into());
+        }
+        let growth = |parameter, value| Growth { parameter, value, start: 0.0 };
+        let simulated = Simulated {
+            form: rig.form,
+            parameters,
+            growths: vec![growth(Parameter::Backlash, 4e-4), growth(Parameter::DryFriction, 800.0)],
+            command: "mixed".to_owned(),
+            seconds: 4.2,
+            sample_period: 1e-3,
+            noise: [noise.user.into(), noise.current.into()],
+            seed: 1,
+        };
+        let config = Config {
+            form: rig.form,
+            parameters: rig.parameters.to_f32(),
+            sample_period: 1e-3,
+            noise,
+            faults,
+            false_alarm_rate: Config::<FAULTS>::FALSE_ALARM_RATE,
+            seed: 1,
+        };
+        Ok(Self { config, samples: simulated.samples()?, damage: 0.0, seed: 1 })
+    }
+
+    /// Looks whether the firmware can run the model.
+    ///
+    /// # Errors
+    /// Usage: the configuration is refused, or needs an integrator that the firmware does not have.
+    pub fn check(&self) -> Result<(), Failure> {
+        self.config
+            .check()
+            .map_err(|error| Failure::usage(format!("the monitor refuses this rig: {error:?}")))?;
+        let model = Model::new(self.config.form, &self.config.parameters);
+        if !model.is_affine() || model.order() != BASE_ORDER {
+            return Err(Failure::usage(
+                "the firmware's monitor steps by the matrices of a piecewise affine model of five states: this rig has an \
+                 effect that needs more (square-root metering, compressible oil, plays and hysteresis inside the loop, ...)",
+            ));
+        }
+        Ok(())
+    }
+
+    /// Everything that is sent, as it arrives.
+    fn pieces(&self) -> Result<(Vec<Piece>, Injected), Failure> {
+        let mut damage = Damage::new(self.damage, self.seed);
+        let too_long =
+            || Failure::usage("the rig changes more parameters than a message to the firmware holds");
+        let frame_of = |message: &ToMonitor| {
+            let mut frame = [0; LONGEST];
+            encode(message, &mut frame).map(<[u8]>::to_vec).ok_or_else(too_long)
+        };
+        let setup = Setup::of(&self.config, STEPS_PER_SAMPLE).ok_or_else(too_long)?;
+        let mut pieces = vec![Piece { bytes: frame_of(&ToMonitor::Setup(setup))?, due: 0 }];
+        for (index, chunk) in self.samples.chunks(SAMPLES).enumerate() {
+            let first = index * SAMPLES;
+            let samples = chunk.iter().copied().collect();
+            let frame = frame_of(&ToMonitor::Samples(first as u32, samples))?;
+            pieces.push(Piece { bytes: damage.pass(&frame), due: first + chunk.len() });
+        }
+        // A zero first: whatever is left of a damaged frame ends there.
+        let mut last = vec![0];
+        last.extend(frame_of(&ToMonitor::Status)?);
+        pieces.push(Piece { bytes: last, due: self.samples.len() });
+        Ok((pieces, damage.injected()))
+    }
+
+    /// Sends everything over a line; `show` gets each report of the firmware as it comes.
+    ///
+    /// # Errors
+    /// The rig is refused, or the line fails.
+    pub fn run(&self, mut line: Line, mut show: impl FnMut(&ReportMessage)) -> Result<Outcome, Failure> {
+        self.check()?;
+        let (pieces, injected) = self.pieces()?;
+        let expected = answer_of_twin(&pieces);
+        let twin = messages(&expected);
+        let (sender, receiver) = mpsc::channel::<Vec<u8>>();
+        let mut reader = std::mem::replace(&mut line.reader, Box::new(std::io::empty()));
+        let length = expected.len();
+        let reading = thread::spawn(move || {
+            let mut buffer = [0; 1024];
+            let mut read = 0;
+            // All that the twin said, and on until the other side closes or falls silent.
+            while let Ok(count) = reader.read(&mut buffer)
+                && count > 0
+                && sender.send(buffer[..count].to_vec()).is_ok()
+            {
+                read += count;
+                if read >= length {
+                    break;
+                }
+            }
+        });
+        let (mut answer, mut decoder, mut reports, mut status) =
+            (Vec::new(), Decoder::new(), Vec::new(), None);
+        let mut hear = |bytes: Vec<u8>| {
+            for &byte in &bytes {
+                match decoder.take::<FromMonitor>(byte) {
+                    Some(FromMonitor::Report(report)) => {
+                        show(&report);
+                        reports.push(report);
+                    }
+                    Some(message @ FromMonitor::Status { .. }) => status = Some(message),
+                    Some(FromMonitor::Ready(_)) | None => {}
+                }
+            }
+            answer.extend(bytes);
+        };
+        let start = Instant::now();
+        let mut sent = 0;
+        for Piece { bytes, due } in &pieces {
+            if line.is_real_time {
+                let time = Duration::from_secs_f32(*due as f32 * self.config.sample_period);
+                thread::sleep(time.saturating_sub(start.elapsed()));
+            }
+            line.writer.write_all(bytes).map_err(Failure::other)?;
+            sent += bytes.len();
+            while let Ok(bytes) = receiver.try_recv() {
+                hear(bytes);
+            }
+        }
+        line.writer.flush().map_err(Failure::other)?;
+        for bytes in &receiver {
+            hear(bytes);
+        }
+        // Its thread has dropped the sender.
+        let _ = reading.join();
+        if !line.is_real_time {
+            let mut frame = [0; LONGEST];
+            let end = encode(&ToMonitor::End, &mut frame).unwrap_or_default();
+            line.writer.write_all(end).and_then(|()| line.writer.flush()).map_err(Failure::other)?;
+        }
+        let log = line.end()?;
+        let is_identical = answer == expected;
+        Ok(Outcome { reports, status, twin, is_identical, bytes: sent, injected, log })
+    }
+}
+
+/// What a station on this host answers to the same bytes.
+fn answer_of_twin(pieces: &[Piece]) -> Vec<u8> {
+    let mut twin = Box::new(Twin::new(Exact::new()));
+    let mut answer = Vec::new();
+    for &byte in pieces.iter().flat_map(|piece| &piece.bytes) {
+        twin.receive(byte, &mut |bytes| answer.extend_from_slice(bytes));
+    }
+    answer
+}
+
+/// The reports in an answer.
+fn messages(answer: &[u8]) -> Vec<ReportMessage> {
+    let mut decoder = Decoder::new();
+    let reports = answer.iter().filter_map(|&byte| match decoder.take::<FromMonitor>(byte) {
+        Some(FromMonitor::Report(report)) => Some(report),
+        _ => None,
+    });
+    reports.collect()
+}

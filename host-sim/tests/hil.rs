@@ -1,0 +1,197 @@
+//! Hardware in the loop: the streaming monitor on both emulated boards and behind a serial port, against the same
+//! monitor on this host.
+
+use eha_monitor::integrate::exact::Exact;
+use eha_monitor::link::message::{FromMonitor, ReportMessage};
+use eha_monitor::link::station::Station;
+use eha_monitor::model::state::BASE_ORDER;
+use eha_monitor::monitor::report::Verdict;
+use eha_monitor::parameter::Parameters;
+use host_sim::emulator::Machine;
+use host_sim::failure::Failure;
+use host_sim::hil::line::Line;
+use host_sim::hil::stream::Simulated;
+use host_sim::hil::{Outcome, Session, WINDOW};
+use serde_json::Value;
+use serialport::{SerialPort as _, TTYPort};
+use std::io::{Read as _, Write as _};
+use std::process::Command;
+use std::thread;
+
+/// Unwraps with the message for people, which says what to install.
+fn expect<T>(result: Result<T, Failure>) -> T {
+    result.unwrap_or_else(|failure| panic!("{failure}"))
+}
+
+fn on_board(session: &Session, machine: Machine) -> Outcome {
+    let mut shown = 0;
+    let outcome = expect(session.run(expect(Line::to_emulator(machine, &[])), |_| shown += 1));
+    assert_eq!(shown, outcome.reports.len());
+    outcome
+}
+
+fn verdicts(reports: &[ReportMessage]) -> Vec<Verdict> {
+    reports.iter().map(|report| Verdict::ALL[usize::from(report.verdict)]).collect()
+}
+
+/// What the firmware counted: bytes, frames and damaged frames, then samples, windows and skipped windows.
+fn counts(outcome: &Outcome) -> ([u32; 3], [u32; 3]) {
+    match outcome.status {
+        Some(FromMonitor::Status { received, monitor, .. }) => (received, monitor),
+        other => panic!("no status: {other:?}"),
+    }
+}
+
+#[test]
+fn both_boards_give_the_bits_of_the_host() {
+    let session = expect(Session::reference());
+    for machine in Machine::ALL {
+        let outcome = on_board(&session, machine);
+        assert!(outcome.is_identical, "{}", machine.name());
+        assert_eq!(outcome.reports, outcome.twin);
+        // A fault that grows within the first window, then is there.
+        assert_eq!(
+            verdicts(&outcome.reports)[1..],
+            [Verdict::Fault; 3],
+            "{}: {:?}",
+            machine.name(),
+            outcome.reports
+        );
+        assert!(outcome.reports[2].flags.iter().all(|[informative, alarmed]| *informative && *alarmed));
+        let (received, monitor) = counts(&outcome);
+        assert_eq!(received[2], 0);
+        assert_eq!(monitor, [session.samples.len() as u32, 4, 0]);
+    }
+}
+
+#[test]
+fn damage_on_the_line_is_survived_and_counted() {
+    let machine = Machine::Mps2An386;
+    let session = Session { damage: 3e-4, seed: 3, ..expect(Session::reference()) };
+    let outcome = on_board(&session, machine);
+    assert!(outcome.is_identical);
+    let (received, monitor) = counts(&outcome);
+    let injected = outcome.injected;
+    assert!(injected.lost + injected.flipped + injected.repeated + injected.reordered >= 8, "{injected:?}");
+    assert!(received[2] >= 6, "{received:?}");
+    assert!((monitor[0] as usize) < session.samples.len(), "{monitor:?}");
+    let good =
+        outcome.reports.iter().filter(|report| Verdict::ALL[usize::from(report.verdict)] == Verdict::Fault);
+    for report in good.clone() {
+        for ([value, error, _], truth) in report.faults.iter().zip([4e-4, 800.0]) {
+            assert!((value - truth).abs() < 5.0 * error, "{report:?}");
+        }
+    }
+    assert!(good.count() >= 1, "{:?}", outcome.reports);
+    // A line that passes next to nothing.
+    let outcome = on_board(&Session { damage: 0.2, ..session }, machine);
+    assert!(outcome.is_identical && counts(&outcome).0[2] > 100, "{:?}", outcome.status);
+}
+
+#[test]
+fn a_rig_with_an_added_effect_is_sent_the_same_way() {
+    let machine = Machine::Mps2An500;
+    let reference = expect(Session::reference());
+    let lacking = Parameters::<f64> { spool_overlap: 1.5e-5, constant_load: 300.0, ..Parameters::default() };
+    let simulated = Simulated {
+        form: reference.config.form,
+        parameters: Parameters { bkl: 1e-4, fdj: 400.0, ..lacking },
+        growths: Vec::new(),
+        command: "mixed".to_owned(),
+        seconds: 2.3,
+        sample_period: 1e-3,
+        noise: [5e-6, 0.02],
+        seed: 5,
+    };
+    let bare = Session { samples: expect(simulated.samples()), ..reference };
+    let mut augmented = bare.clone();
+    augmented.config.parameters = lacking.to_f32();
+    let told = on_board(&augmented, machine);
+    assert!(told.is_identical);
+    assert_eq!(verdicts(&told.reports), [Verdict::Healthy; 2], "{:?}", told.reports);
+    // The control: without the effect the same samples are no healthy actuator.
+    let untold = on_board(&bare, machine);
+    assert!(untold.is_identical);
+    assert!(!verdicts(&untold.reports).contains(&Verdict::Healthy), "{:?}", untold.reports);
+}
+
+#[test]
+fn a_rig_that_the_firmware_cannot_run_is_refused() {
+    let mut session = expect(Session::reference());
+    session.config.parameters.metering_blend = 1.0;
+    let failure = session.check().expect_err("square-root metering is not piecewise affine");
+    assert_eq!(failure.kind.exit_code(), 2, "{failure}");
+}
+
+/// A board behind a real serial port: here the other end of a pseudo-terminal.
+#[test]
+fn a_serial_port_is_served_in_real_time() {
+    let (mut board, port) = TTYPort::pair().expect("a pseudo-terminal");
+    let name = port.name().expect("its name");
+    board.set_timeout(std::time::Duration::from_secs(4)).expect("a time limit");
+    let station = thread::spawn(move || {
+        let mut station = Box::new(Station::<Exact<f32, BASE_ORDER, 8>, WINDOW, 20>::new(Exact::new()));
+        let mut buffer = [0; 256];
+        while let Ok(count) = board.read(&mut buffer) {
+            for &byte in &buffer[..count] {
+                let mut answer = Vec::new();
+                station.receive(byte, &mut |bytes| answer.extend_from_slice(bytes));
+                if board.write_all(&answer).is_err() {
+                    return;
+                }
+            }
+        }
+    });
+    let mut session = expect(Session::reference());
+    session.samples.truncate(1800);
+    let outcome = expect(session.run(expect(Line::to_port(name.as_ref(), 921_600)), |_| {}));
+    assert!(outcome.is_identical, "{:?}", outcome.reports);
+    assert_eq!(outcome.reports.len(), 1);
+    drop(port);
+    station.join().expect("a station that ends");
+}
+
+#[test]
+fn the_verb_prints_one_object() {
+    let output = Command::new(env!("CARGO_BIN_EXE_host-sim"))
+        .args([
+            "hil",
+            "--json",
+            "--quiet",
+            "--seconds",
+            "3.3",
+            "--grow",
+            "fdj=700@0.5",
+            "--machine",
+            "mps2-an386",
+        ])
+        .output()
+        .expect("the program runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let result: Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
+    assert_eq!(result["identical_to_host"], true);
+    let reports = result["reports"].as_array().expect("a list");
+    assert_eq!(reports.len(), 3);
+    assert_eq!(reports[2]["verdict"], "fault");
+    assert_eq!(reports[2]["faults"][1]["name"], "fdj");
+    assert!(reports[2]["latency_s"].as_f64().is_some_and(|latency| latency < 1.0));
+}
+
+#[test]
+fn wrong_options_are_refused() {
+    for (arguments, message) in [
+        (["--watch", "bkl=1e-4"], "expected NAME=HEALTHY..ALARM"),
+        (["--damage", "2"], "expected 0 to 1"),
+        (["--grow", "bkl=1e-3"], "expected NAME=VALUE@SECONDS"),
+        (["--command", "no-such"], "no command"),
+    ] {
+        let output = Command::new(env!("CARGO_BIN_EXE_host-sim"))
+            .arg("hil")
+            .args(arguments)
+            .output()
+            .expect("it runs");
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{stderr}");
+        assert!(stderr.contains(message), "{stderr}");
+    }
+}

@@ -1,0 +1,61 @@
+//! Entry of the image: bytes from the line to the station, its answers back.
+
+#[path = "../firmware/counter.rs"]
+mod counter;
+#[path = "../firmware/hogs.rs"]
+mod hogs;
+#[path = "../firmware/runtime.rs"]
+mod runtime;
+#[path = "uart.rs"]
+mod uart;
+
+use counter::Counter;
+use eha_monitor::{integrate::exact::Exact, link::station::Station, model::state::BASE_ORDER};
+use runtime::{EXIT_NO_PERIPHERALS, report_stack};
+use semihosting::process;
+use uart::Uart;
+
+/// Samples in a window: 1 s; longer in the negative control of the budget for the monitor's state.
+const WINDOW: usize = if cfg!(feature = "negative-control-ram") { 1010 } else { 1000 };
+/// Members of the population.
+const POPULATION: usize = 20;
+/// Modes whose transition matrices are kept: spool and jack, sliding or stuck, make four.
+const SLOTS: usize = 4;
+
+#[cortex_m_rt::entry]
+fn start() -> ! {
+    // The macro hands out a `static mut` of the entry as a reference, once: the entry runs once.
+    static mut STATION: Station<Exact<f32, BASE_ORDER, SLOTS>, WINDOW, POPULATION> =
+        Station::new(Exact::new());
+    let Some(peripherals) = cortex_m::Peripherals::take() else {
+        process::exit(EXIT_NO_PERIPHERALS);
+    };
+    let counter = Counter::new(peripherals.SYST);
+    let mut uart = Uart::new();
+    let (mut window, mut worst_window, mut worst_sample) = (0, 0, 0);
+    loop {
+        let byte = uart.read();
+        let mut has_answered = false;
+        let (goes_on, cost) = counter.cost_of(|| {
+            STATION.receive(byte, &mut |bytes| {
+                has_answered = true;
+                uart.write(bytes);
+            })
+        });
+        window += cost;
+        worst_sample = cost.max(worst_sample);
+        if has_answered {
+            worst_window = window.max(worst_window);
+            window = 0;
+        }
+        if !goes_on {
+            break;
+        }
+    }
+    hogs::take();
+    defmt::println!("measure monitor_state.bytes={=usize}", size_of_val(STATION.monitor()));
+    counter::report("monitor", "window", worst_window);
+    counter::report("monitor", "frame", worst_sample);
+    report_stack();
+    process::exit(0)
+}

@@ -1,0 +1,51 @@
+//! Negative controls of the memory budgets: each takes what overruns one of them. A plain image has none.
+
+/// More than what any budget of memory leaves free, words.
+#[cfg(any(
+    feature = "negative-control-stack",
+    feature = "negative-control-ram",
+    feature = "negative-control-flash"
+))]
+const WORDS: usize = 6 << 10;
+
+/// Takes what the features of this image ask for.
+pub(crate) fn take() {
+    #[cfg(feature = "negative-control-stack")]
+    stack();
+    #[cfg(feature = "negative-control-ram")]
+    ram();
+    #[cfg(feature = "negative-control-flash")]
+    flash();
+}
+
+/// A large frame.
+#[cfg(feature = "negative-control-stack")]
+#[inline(never)]
+fn stack() {
+    core::hint::black_box(&mut [core::hint::black_box(0_u32); WORDS]);
+}
+
+/// A large variable.
+#[cfg(feature = "negative-control-ram")]
+fn ram() {
+    use core::sync::atomic::{AtomicU32, Ordering};
+    static BUFFER: [AtomicU32; WORDS] = [const { AtomicU32::new(0) }; WORDS];
+    for word in core::hint::black_box(&BUFFER) {
+        word.store(1, Ordering::Relaxed);
+    }
+}
+
+/// A large table.
+#[cfg(feature = "negative-control-flash")]
+fn flash() {
+    static TABLE: [u32; WORDS] = {
+        let mut table = [0; WORDS];
+        let mut index = 0;
+        while index < WORDS {
+            table[index] = index as u32;
+            index += 1;
+        }
+        table
+    };
+    core::hint::black_box(&TABLE);
+}

@@ -1,0 +1,71 @@
+//! A monitor that lives behind a line.
+
+use super::frame::{Decoder, LONGEST, Received, encode};
+use super::message::{FAULTS, FromMonitor, ReportMessage, ToMonitor};
+use crate::integrate::Stepper;
+use crate::monitor::Monitor;
+use crate::monitor::sample::Sample;
+
+/// A monitor and its end of the line.
+#[derive(Debug)]
+pub struct Station<S, const SAMPLES: usize, const POPULATION: usize> {
+    monitor: Monitor<S, SAMPLES, FAULTS, POPULATION>,
+    decoder: Decoder,
+    steps_per_sample: u32,
+}
+
+impl<S: Stepper<f32>, const SAMPLES: usize, const POPULATION: usize> Station<S, SAMPLES, POPULATION> {
+    /// A station that waits for its configuration.
+    pub const fn new(stepper: S) -> Self {
+        Self { monitor: Monitor::idle(stepper), decoder: Decoder::new(), steps_per_sample: 0 }
+    }
+
+    /// Takes a byte from the line, works, and sends what there is to say. False where the other side has ended the run.
+    pub fn receive(&mut self, byte: u8, send: &mut impl FnMut(&[u8])) -> bool {
+        let Some(message) = self.decoder.take(byte) else { return true };
+        match message {
+            ToMonitor::Setup(setup) => {
+                let config = setup.config();
+                let is_ready = config.is_some_and(|config| self.monitor.configure(&config).is_ok());
+                self.steps_per_sample = setup.steps_per_sample.into();
+                reply(&FromMonitor::Ready(is_ready), send);
+            }
+            ToMonitor::Samples(first, samples) => {
+                let mut tick = first;
+                for &[command, user, current] in &samples {
+                    self.monitor.take(&Sample { tick, command, user, current });
+                    tick = tick.wrapping_add(1);
+                    let (_, report) = self.monitor.work(self.steps_per_sample);
+                    if let Some(report) = report {
+                        reply(&FromMonitor::Report(ReportMessage::of(&report)), send);
+                    }
+                }
+            }
+            ToMonitor::Status => {
+                let Received { bytes, frames, damaged } = self.decoder.received();
+                let counters = self.monitor.counters();
+                let status = FromMonitor::Status {
+                    received: [bytes, frames, damaged],
+                    monitor: [counters.samples, counters.windows, counters.skipped],
+                    exclusions: counters.exclusions.fields().map(|&count| count),
+                };
+                reply(&status, send);
+            }
+            ToMonitor::End => return false,
+        }
+        true
+    }
+
+    /// The monitor.
+    pub const fn monitor(&self) -> &Monitor<S, SAMPLES, FAULTS, POPULATION> {
+        &self.monitor
+    }
+}
+
+/// Sends a message.
+fn reply(message: &FromMonitor, send: &mut impl FnMut(&[u8])) {
+    let mut frame = [0; LONGEST];
+    if let Some(bytes) = encode(message, &mut frame) {
+        send(bytes);
+    }
+}

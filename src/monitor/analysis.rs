@@ -1,0 +1,297 @@
+//! The faults of one window: a descent from the last estimate, and a search only where that does not explain it.
+//!
+//! Everything is cut into passes (see [`Pass`]), and a pass into steps, so that the work stops and goes on anywhere.
+
+use super::config::Config;
+use super::pass::{Pass, Path, Scene, Start};
+use super::sums::Sums;
+use crate::fit::gauss_newton::Normal;
+use crate::fit::identify::within_noise;
+use crate::ga::{Settings, SteadyState};
+use crate::integrate::Stepper;
+
+/// Most steps of a descent.
+const DESCENT_STEPS: u32 = 6;
+/// How often a step that does not help is halved.
+const HALVINGS: u32 = 3;
+/// Promised fall of chi-square that is not worth a step.
+const TOLERANCE: f32 = 0.05;
+/// Evaluations after which no new generation is bred.
+const EVALUATIONS: u32 = 60;
+
+/// A place in the space of the faults, and what the window says there.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Found<const GENES: usize> {
+    pub(super) genes: [f32; GENES],
+    pub(super) normal: Normal<f32, GENES>,
+    pub(super) sums: Sums<GENES>,
+    pub(super) path: Path,
+    pub(super) end: Start,
+}
+
+impl<const GENES: usize> Found<GENES> {
+    /// Standard error of each gene that the equations predict; infinite where nothing is known.
+    pub(super) fn standard_errors(&self) -> [f32; GENES] {
+        let mut errors = [f32::INFINITY; GENES];
+        // A gene that nothing depends on has no part in the matrix.
+        let mut normal = self.normal;
+        for gene in 0..GENES {
+            if normal.curvature[(gene, gene)] <= 0.0 {
+                normal.curvature[(gene, gene)] = 1.0;
+            }
+        }
+        if let Some(known) = normal.standard_errors() {
+            for gene in 0..GENES {
+                if self.normal.curvature[(gene, gene)] > 0.0 && known[gene].is_finite() {
+                    errors[gene] = known[gene];
+                }
+            }
+        }
+        errors
+    }
+
+    /// By what the standard errors are larger, since the residual is not noise; 1 where it is.
+    pub(super) fn widening(&self) -> f32 {
+        libm::sqrtf(self.sums.inflation())
+    }
+
+    /// Is the residual noise?
+    pub(super) fn is_explained(&self) -> bool {
+        within_noise(&self.normal.misfit)
+    }
+
+    /// The normal equations without the genes that the window says too little of to move them.
+    fn without_quiet_genes(&self, config: &Config<GENES>) -> Normal<f32, GENES> {
+        let mut normal = self.normal;
+        for gene in 0..GENES {
+            let resolution = resolution(config, gene);
+            if normal.curvature[(gene, gene)] * resolution * resolution < 1.0 {
+                normal.gradient[gene] = 0.0;
+                for other in 0..GENES {
+                    normal.curvature[(gene, other)] = 0.0;
+                    normal.curvature[(other, gene)] = 0.0;
+                }
+            }
+        }
+        normal
+    }
+}
+
+/// Largest standard error of a gene that tells the alarmed value from the healthy one: with a quarter of their
+/// distance, the value between them is two standard errors from either.
+pub(super) fn resolution<const GENES: usize>(config: &Config<GENES>, gene: usize) -> f32 {
+    config.faults.get(gene).map_or(0.0, |fault| 0.25 * (fault.alarm - fault.healthy) / fault.free.range())
+}
+
+/// What the analysis is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// Going down to the bottom of a basin.
+    Descent,
+    /// Looking what the members of the last population are worth in this window.
+    Score(usize),
+    /// Breeding.
+    Breed(usize),
+    /// Back to the first bottom, which no other has beaten.
+    Return,
+}
+
+/// The analysis of one window.
+#[derive(Clone, Debug)]
+pub(super) struct Analysis<const GENES: usize, const POPULATION: usize> {
+    phase: Phase,
+    pass: Pass<GENES>,
+    here: Option<Found<GENES>>,
+    /// Bottom of the first descent: genes and chi-square.
+    first: Option<([f32; GENES], f32)>,
+    search: Option<SteadyState<f32, GENES, POPULATION>>,
+    steps_down: u32,
+    halvings: u32,
+    /// Evaluations of the model so far.
+    pub(super) evaluations: u32,
+    /// Steps so far, those of the present pass apart.
+    steps: u32,
+    seed: u64,
+}
+
+impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
+    /// The start of the analysis of a window at a guess.
+    #[inline(always)]
+    pub(super) fn new<const SAMPLES: usize>(
+        scene: &Scene<'_, GENES, SAMPLES>,
+        guess: &[f32; GENES],
+        seed: u64,
+    ) -> Self {
+        Self {
+            phase: Phase::Descent,
+            pass: Pass::new(scene, guess, true),
+            here: None,
+            first: None,
+            search: None,
+            steps_down: 0,
+            halvings: 0,
+            evaluations: 0,
+            steps: 0,
+            seed,
+        }
+    }
+
+    /// Goes on by at most `allowance` steps, and takes what it has used off it. True at the end.
+    pub(super) fn advance<S: Stepper<f32>, const SAMPLES: usize>(
+        &mut self,
+        scene: &Scene<'_, GENES, SAMPLES>,
+        seeds: Option<&[[f32; GENES]; POPULATION]>,
+        stepper: &mut S,
+        allowance: &mut u32,
+    ) -> bool {
+        while self.pass.advance(scene, stepper, allowance) {
+            self.steps = self.steps.saturating_add(self.pass.steps());
+            match self.next(scene, seeds) {
+                Some((genes, with_neighbours)) => self.pass.restart(scene, &genes, with_neighbours),
+                None => return true,
+            }
+        }
+        false
+    }
+
+    /// What to walk after a pass has ended: genes, and whether their derivatives are wanted. None: the end.
+    ///
+    /// Not inlined: what it copies would lie on the stack below the whole simulation.
+    #[inline(never)]
+    fn next<const SAMPLES: usize>(
+        &mut self,
+        scene: &Scene<'_, GENES, SAMPLES>,
+        seeds: Option<&[[f32; GENES]; POPULATION]>,
+    ) -> Option<([f32; GENES], bool)> {
+        self.evaluations += self.pass.evaluations();
+        match self.phase {
+            Phase::Descent => self.descend(scene).map(|genes| (genes, true)).or_else(|| self.conclude(seeds)),
+            Phase::Score(index) => {
+                let cost = self.pass.sums().misfit().mean_square();
+                let genes = self.pass.genes;
+                if let Some(search) = &mut self.search {
+                    search.insert(&genes, cost);
+                }
+                match seeds.and_then(|seeds| seeds.get(index + 1)) {
+                    Some(&genes) => {
+                        self.phase = Phase::Score(index + 1);
+                        Some((genes, false))
+                    }
+                    None => self.breed(0),
+                }
+            }
+            Phase::Return => {
+                self.here = Some(self.there(scene));
+                None
+            }
+            Phase::Breed(children) => {
+                let cost = self.pass.sums().misfit().mean_square();
+                if let Some(search) = &mut self.search {
+                    search.tell(cost);
+                }
+                self.breed(children + 1)
+            }
+        }
+    }
+
+    /// Where the pass that has ended was.
+    fn there<const SAMPLES: usize>(&self, scene: &Scene<'_, GENES, SAMPLES>) -> Found<GENES> {
+        let sums = *self.pass.sums();
+        Found {
+            genes: self.pass.genes,
+            normal: sums.normal(),
+            sums,
+            path: *self.pass.path(),
+            end: self.pass.end(scene),
+        }
+    }
+
+    /// The next place of a descent; none at its bottom.
+    fn descend<const SAMPLES: usize>(&mut self, scene: &Scene<'_, GENES, SAMPLES>) -> Option<[f32; GENES]> {
+        let there = self.there(scene);
+        match &mut self.here {
+            Some(here) if !is_less(there.normal.misfit.chi_square, here.normal.misfit.chi_square) => {
+                self.halvings += 1;
+                let halfway = core::array::from_fn(|gene| 0.5 * (here.genes[gene] + there.genes[gene]));
+                return (self.halvings <= HALVINGS).then_some(halfway);
+            }
+            here => *here = Some(there),
+        }
+        self.halvings = 0;
+        self.steps_down += 1;
+        if self.steps_down > DESCENT_STEPS {
+            return None;
+        }
+        let normal = there.without_quiet_genes(scene.config);
+        let (genes, promised) = normal.foreseen(&there.genes, GENES)?;
+        // Also where the promise is no number.
+        (there.normal.misfit.chi_square - promised > TOLERANCE).then_some(genes)
+    }
+
+    /// What follows the bottom of a descent: the end, or a search for a better basin.
+    fn conclude(&mut self, seeds: Option<&[[f32; GENES]; POPULATION]>) -> Option<([f32; GENES], bool)> {
+        let here = self.here?;
+        let chi_square = here.normal.misfit.chi_square;
+        let settled = self.first.is_some_and(|(_, first)| first - chi_square <= (1e-3 * first).max(1.0));
+        if let Some((genes, first)) = self.first
+            && first < chi_square
+        {
+            self.phase = Phase::Return;
+            self.here = None;
+            return Some((genes, true));
+        }
+        let says_nothing = here.path.reversals == 0;
+        if here.is_explained() || settled || says_nothing || self.evaluations >= EVALUATIONS {
+            return None;
+        }
+        self.first = Some((here.genes, chi_square));
+        let mut search =
+            SteadyState::new(Settings { population: POPULATION, ..Settings::default() }, GENES, self.seed);
+        search.insert(&here.genes, here.normal.misfit.mean_square());
+        self.search = Some(search);
+        if let Some(&genes) = seeds.and_then(|seeds| seeds.first()) {
+            self.phase = Phase::Score(0);
+            Some((genes, false))
+        } else {
+            self.breed(0)
+        }
+    }
+
+    /// The next child, or after a generation the descent from the best.
+    fn breed(&mut self, children: usize) -> Option<([f32; GENES], bool)> {
+        let search = self.search.as_mut()?;
+        if children < POPULATION {
+            self.phase = Phase::Breed(children);
+            return Some((search.ask(), false));
+        }
+        let (&best, _) = search.best()?;
+        self.phase = Phase::Descent;
+        self.here = None;
+        (self.steps_down, self.halvings) = (0, 0);
+        Some((best, true))
+    }
+
+    /// The best place found.
+    pub(super) const fn found(&self) -> Option<&Found<GENES>> {
+        self.here.as_ref()
+    }
+
+    /// Steps in all.
+    pub(super) const fn steps(&self) -> u32 {
+        self.steps
+    }
+
+    /// Puts the last population in `seeds`; false if there was none.
+    pub(super) fn leave_seeds(&self, seeds: &mut [[f32; GENES]; POPULATION]) -> bool {
+        let Some(search) = &self.search else { return false };
+        for (seed, (genes, _)) in seeds.iter_mut().zip(search.members()) {
+            *seed = *genes;
+        }
+        true
+    }
+}
+
+/// Is a chi-square smaller than another? Not where it is no number.
+fn is_less(chi_square: f32, other: f32) -> bool {
+    chi_square < other
+}

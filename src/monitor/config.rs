@@ -1,0 +1,116 @@
+//! What a monitor is told of its actuator, checked once.
+
+use crate::fit::problem::Free;
+use crate::model::{Drive, Form, Model};
+use crate::parameter::{Parameter, Parameters, Reach};
+use crate::trial::SensorNoise;
+
+/// Noise of a position sensor below which the model's own error would count, m.
+const LEAST_USER_NOISE: f32 = 1e-7;
+/// The same for a current, mA.
+const LEAST_CURRENT_NOISE: f32 = 1e-4;
+
+/// A fault that is watched.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fault {
+    /// Parameter that grows with the fault, and its range.
+    pub free: Free<f32>,
+    /// Largest value of a healthy actuator, in the parameter's unit.
+    pub healthy: f32,
+    /// Value that must be alarmed: larger than `healthy`.
+    pub alarm: f32,
+}
+
+/// What a monitor is told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Config<const FAULTS: usize> {
+    /// Structure of the model.
+    pub form: Form,
+    /// Parameters of the model; those of the faults are not read.
+    pub parameters: Parameters<f32>,
+    /// Sample period, s.
+    pub sample_period: f32,
+    /// Noise of the sensors; a current whose noise is not finite is not used.
+    pub noise: SensorNoise<f32>,
+    /// The faults.
+    pub faults: [Fault; FAULTS],
+    /// Chance of a false alarm in a window of a healthy actuator, 0 to 1 exclusive.
+    pub false_alarm_rate: f32,
+    /// Seed of the search.
+    pub seed: u64,
+}
+
+/// Why a configuration is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ConfigError {
+    /// The sample period is not between 0.1 and 10 ms.
+    SamplePeriod,
+    /// A noise is not positive.
+    Noise,
+    /// The rate of false alarms is not between 0 and 1.
+    FalseAlarmRate,
+    /// The range of a fault is empty, or its healthy and alarmed values do not lie in it in this order.
+    Range(Parameter),
+    /// The parameter of a fault reaches the transition matrices, which would have to be made anew for each candidate.
+    Reach(Parameter),
+    /// The model needs an input that a stream does not have: a driving force, or the time of a step load.
+    Input,
+    /// A parameter is not in the range in which it makes sense.
+    Parameter(Parameter),
+}
+
+impl<const FAULTS: usize> Config<FAULTS> {
+    /// Chance of a false alarm in a window unless another is stated: one in 12 days of windows of a second.
+    pub const FALSE_ALARM_RATE: f32 = 1e-6;
+
+    /// Looks for what a monitor could not work with.
+    ///
+    /// # Errors
+    /// The first thing that is wrong.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        if !(self.sample_period >= 0.99e-4 && self.sample_period <= 1.01e-2) {
+            return Err(ConfigError::SamplePeriod);
+        }
+        if !(self.noise.user > 0.0 && self.noise.user.is_finite() && self.noise.current > 0.0) {
+            return Err(ConfigError::Noise);
+        }
+        if !(self.false_alarm_rate > 0.0 && self.false_alarm_rate < 1.0) {
+            return Err(ConfigError::FalseAlarmRate);
+        }
+        if self.form.drive == Drive::Force || self.parameters.step_load != 0.0 {
+            return Err(ConfigError::Input);
+        }
+        for parameter in Parameter::all() {
+            let (value, info) = (self.parameters.get(parameter), parameter.info());
+            // What single precision makes of a bound may lie beyond it.
+            let slack = 1e-6 * (info.upper as f32 - info.lower as f32);
+            if !(value >= info.lower as f32 - slack && value <= info.upper as f32 + slack) {
+                return Err(ConfigError::Parameter(parameter));
+            }
+        }
+        for Fault { free, healthy, alarm } in &self.faults {
+            let inside = |value: f32| value >= free.lower && value <= free.upper;
+            if !(free.lower < free.upper && healthy < alarm && inside(*healthy) && inside(*alarm)) {
+                return Err(ConfigError::Range(free.parameter));
+            }
+            if Model::<f32>::reach(self.form, free.parameter) == Reach::Dynamics {
+                return Err(ConfigError::Reach(free.parameter));
+            }
+        }
+        Ok(())
+    }
+
+    /// Noise of user position and current, not below the model's own error.
+    pub(super) fn believed_noise(&self) -> [f32; 2] {
+        [self.noise.user.max(LEAST_USER_NOISE), self.noise.current.max(LEAST_CURRENT_NOISE)]
+    }
+
+    /// The model of a set of genes.
+    pub(super) fn model(&self, genes: &[f32; FAULTS]) -> Model<f32> {
+        let mut parameters = self.parameters;
+        for (fault, &gene) in self.faults.iter().zip(genes) {
+            parameters.set(fault.free.parameter, fault.free.value(gene));
+        }
+        Model::new(self.form, &parameters)
+    }
+}

@@ -1,0 +1,483 @@
+//! The streaming monitor: samples in from an interrupt, verdicts out of the background.
+//!
+//! ```text
+//! interrupt --> Inlet::push --> queue --> Monitor::poll --> screen --> window that fills   (one of two)
+//!                                              |                            |
+//!                                              |      +---------------------+ full
+//!                                              |      v
+//!                                              +--> window that is analysed --> passes --> faults, standard errors
+//!                                                     from the last estimate      |
+//!                                                                                 +--> evidence over windows --> alarm
+//! ```
+//!
+//! **Where a window starts.** An actuator in flight is never at rest at the start of a window, and its state is not
+//! measured. The model does not need it: the loop forgets where it was within some 20 ms, the backlash at the first
+//! turn. So the model's own motion under the last estimate is carried on from the end of one window into the next, the
+//! same for every candidate, and the first 0.1 s of a window is not compared. What is carried depends on commands alone
+//! and not on noise. Where it is missing (the first window, after a gap) the model starts at rest at the first measured
+//! position.
+//!
+//! **What a window must ask.** The offset of each sensor is taken out (see [`sums`]); the standard errors that the
+//! normal equations then predict say whether the window tells an alarmed fault from a healthy one. They are local: without
+//! a reversal of the ram, friction of the spool leaves several places that fit as well, so a reversal is asked for
+//! besides. If no fault is told, the window is called uninformative and nothing is claimed.
+//!
+//! **What it costs.** [`Monitor::poll`] never takes more steps of the model than it is allowed, and stops inside a
+//! sample if it must.
+
+mod alarm;
+mod analysis;
+pub mod config;
+mod pass;
+pub mod queue;
+pub mod report;
+pub mod sample;
+pub mod screen;
+mod slot;
+mod snapshot;
+mod sums;
+mod window;
+
+pub use snapshot::SnapshotError;
+
+use crate::integrate::Stepper;
+use alarm::{Evidence, log_likelihood_ratio, threshold};
+use analysis::{Analysis, Found, resolution};
+use config::{Config, ConfigError};
+use pass::{Scene, Start};
+use queue::Outlet;
+use report::{Estimate, Report, Verdict};
+use sample::Sample;
+use screen::{Exclusions, Limits, Reason, Screen, Screened, Sink};
+use slot::Slot;
+use window::{Scale, Window};
+
+/// Time at the start of a window that is not compared, s.
+const SETTLE: f32 = 0.1;
+/// A sensor with fewer than this part of its samples has failed, in tenths.
+const LEAST_PRESENT: u32 = 9;
+
+/// What a call of [`Monitor::poll`] did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Poll<const FAULTS: usize> {
+    /// Samples taken from the queue.
+    pub samples: u32,
+    /// Steps of the model.
+    pub steps: u32,
+    /// What there is to say of a window.
+    pub report: Option<Report<FAULTS>>,
+}
+
+/// What has happened since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Samples that came.
+    pub samples: u32,
+    /// What was excluded of them.
+    pub exclusions: Exclusions,
+    /// Windows that were closed.
+    pub windows: u32,
+    /// Windows that were thrown away, since the analysis of the one before was still at work.
+    pub skipped: u32,
+}
+
+#[allow(clippy::struct_excessive_bools, reason = "four independent facts, not a state machine")]
+/// A monitor of one actuator: windows of `SAMPLES` samples, up to `FAULTS` faults, a population of `POPULATION`.
+#[derive(Debug)]
+pub struct Monitor<S, const SAMPLES: usize, const FAULTS: usize, const POPULATION: usize> {
+    config: Slot<Config<FAULTS>>,
+    stepper: S,
+    has_begun: bool,
+    windows: [Window<SAMPLES>; 2],
+    /// Which of the windows fills: the first (false) or the second.
+    second_fills: bool,
+    screen: Screen,
+    /// Number of the window that fills, and of the one that is analysed.
+    number: u32,
+    analysed: u32,
+    is_analysing: bool,
+    analysis: Slot<Analysis<FAULTS, POPULATION>>,
+    /// Where the model starts in the window that is analysed.
+    start: Slot<Start>,
+    /// Where it has ended in the last one.
+    carried: Slot<Start>,
+    /// Best estimate so far.
+    genes: [f32; FAULTS],
+    /// Members of the last population.
+    seeds: [[f32; FAULTS]; POPULATION],
+    has_seeds: bool,
+    evidence: [Evidence; FAULTS],
+    /// Samples since the window that is analysed was full.
+    latency: u32,
+    skipped: u32,
+    samples: u32,
+    exclusions: Exclusions,
+    outbox: Slot<Report<FAULTS>>,
+}
+
+impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATION: usize>
+    Monitor<S, SAMPLES, FAULTS, POPULATION>
+{
+    /// A monitor that knows nothing of its actuator yet: it takes no samples.
+    pub const fn idle(stepper: S) -> Self {
+        const { assert!(SAMPLES >= 100 && SAMPLES < 1 << 15, "a window has 100 to 32767 samples") };
+        Self {
+            config: Slot::Empty,
+            stepper,
+            has_begun: false,
+            windows: [Window::EMPTY; 2],
+            second_fills: false,
+            screen: Screen::NEW,
+            number: 0,
+            analysed: 0,
+            is_analysing: false,
+            analysis: Slot::Empty,
+            start: Slot::Empty,
+            carried: Slot::Empty,
+            genes: [0.0; FAULTS],
+            seeds: [[0.0; FAULTS]; POPULATION],
+            has_seeds: false,
+            evidence: [Evidence::NONE; FAULTS],
+            latency: 0,
+            skipped: 0,
+            samples: 0,
+            exclusions: Exclusions::NONE,
+            outbox: Slot::Empty,
+        }
+    }
+
+    /// Tells it what its actuator is, and starts anew.
+    ///
+    /// # Errors
+    /// The configuration is not one that it can work with; it stays as it was.
+    pub fn configure(&mut self, config: &Config<FAULTS>) -> Result<(), ConfigError> {
+        config.check()?;
+        self.config = Slot::Full(*config);
+        self.has_begun = false;
+        for window in &mut self.windows {
+            window.clear(false);
+        }
+        self.second_fills = false;
+        self.screen = Screen::NEW;
+        (self.number, self.analysed, self.latency) = (0, 0, 0);
+        (self.skipped, self.samples, self.exclusions) = (0, 0, Exclusions::NONE);
+        self.is_analysing = false;
+        self.analysis = Slot::Empty;
+        self.carried = Slot::Empty;
+        self.start = Slot::Empty;
+        // Nothing is known yet: the search starts at a healthy actuator.
+        self.genes = core::array::from_fn(|gene| {
+            config.faults.get(gene).map_or(0.0, |fault| fault.free.gene(fault.healthy))
+        });
+        self.seeds = [[0.0; FAULTS]; POPULATION];
+        self.has_seeds = false;
+        self.evidence = [Evidence::NONE; FAULTS];
+        self.outbox = Slot::Empty;
+        Ok(())
+    }
+
+    /// What it was told of its actuator.
+    pub const fn config(&self) -> Option<&Config<FAULTS>> {
+        self.config.get()
+    }
+
+    /// What has happened since the start.
+    pub const fn counters(&self) -> Counters {
+        Counters {
+            samples: self.samples,
+            exclusions: self.exclusions,
+            windows: self.number,
+            skipped: self.skipped,
+        }
+    }
+
+    /// Takes the samples that wait in the queue, and works on by at most `budget` steps of the model.
+    ///
+    /// A budget below [`LONGEST_PIECE`](crate::integrate::LONGEST_PIECE) moves nothing.
+    pub fn poll(&mut self, outlet: &mut Outlet<'_>, budget: u32) -> Poll<FAULTS> {
+        let waiting = outlet.len();
+        let mut samples = 0;
+        // Those that come meanwhile wait for the next call.
+        while samples < waiting as u32
+            && let Some(sample) = outlet.pop()
+        {
+            self.take(&sample);
+            samples += 1;
+        }
+        let (steps, report) = self.work(budget);
+        Poll { samples, steps, report }
+    }
+
+    /// Takes one sample, where there is no interrupt and no queue.
+    pub fn take(&mut self, sample: &Sample) {
+        let Some(config) = self.config.get().copied() else { return };
+        self.samples = self.samples.saturating_add(1);
+        if self.is_analysing {
+            self.latency = self.latency.saturating_add(1);
+        }
+        let scale = Scale::of(&config.parameters);
+        let mut noise = config.believed_noise();
+        noise[1] = if config.noise.current.is_finite() { noise[1] } else { f32::INFINITY };
+        let limits = Limits { position: scale.reach(), current: scale.largest_current(), noise };
+        let mut screen = self.screen;
+        screen.look(sample, &limits, &mut Feed { monitor: self, scale });
+        self.screen = screen;
+    }
+
+    /// Works on by at most `budget` steps of the model: the steps that it took, and what there is to say.
+    pub fn work(&mut self, budget: u32) -> (u32, Option<Report<FAULTS>>) {
+        let mut allowance = budget;
+        // One report at a time.
+        if self.is_analysing && self.outbox.get().is_none() {
+            self.analyse(&mut allowance);
+        }
+        (budget - allowance, self.outbox.take())
+    }
+
+    /// The window that fills.
+    fn filling(&mut self) -> &mut Window<SAMPLES> {
+        let [first, second] = &mut self.windows;
+        if self.second_fills { second } else { first }
+    }
+
+    /// Ends the window that fills because the stream is broken; what came of it is of no use.
+    fn interrupt(&mut self) {
+        if self.filling().filled > 0 {
+            let report = self.report_of_filling();
+            self.send(report);
+            self.number = self.number.wrapping_add(1);
+        }
+        self.filling().clear(false);
+    }
+
+    /// The window that fills is full.
+    fn rotate(&mut self, scale: Scale) {
+        let number = self.number;
+        self.number = number.wrapping_add(1);
+        if self.is_analysing {
+            self.skipped = self.skipped.saturating_add(1);
+            self.filling().clear(false);
+            return;
+        }
+        let Some(config) = self.config.get().copied() else { return };
+        let settle = settle_samples::<FAULTS, SAMPLES>(&config);
+        let present = self.filling().present(settle, scale);
+        let wanted = (SAMPLES - settle) as u32 * LEAST_PRESENT;
+        let uses_current = config.noise.current.is_finite();
+        if present[0] * 10 < wanted || (uses_current && present[1] * 10 < wanted) {
+            let report = self.report_of_filling();
+            self.send(Report { window: number, ..report });
+            self.carried = Slot::Empty;
+            self.filling().clear(false);
+            return;
+        }
+        let follows = self.filling().follows;
+        let first = self.filling().get(0);
+        let position = (0..SAMPLES).find_map(|sample| self.filling().get(sample).user(scale));
+        let carried = self.carried.take().filter(|carried| follows && carried.is_sound());
+        let at_rest =
+            || Start::at_rest(&config.model(&self.genes), position.unwrap_or_else(|| first.command(scale)));
+        self.start = Slot::Full(carried.unwrap_or_else(at_rest));
+        self.carried = Slot::Empty;
+        self.analysed = number;
+        self.latency = 0;
+        self.second_fills = !self.second_fills;
+        self.filling().clear(true);
+        self.is_analysing = true;
+        self.analysis = Slot::Empty;
+    }
+
+    /// Goes on with the analysis.
+    fn analyse(&mut self, allowance: &mut u32) {
+        let (Some(config), Some(start)) = (self.config.get(), self.start.get()) else { return };
+        let scale = Scale::of(&config.parameters);
+        let [first, second] = &self.windows;
+        let window = if self.second_fills { first } else { second };
+        let settle = settle_samples::<FAULTS, SAMPLES>(config);
+        let scene = Scene { config, scale, window, start, settle };
+        let seed = config.seed ^ u64::from(self.analysed);
+        if self.analysis.get().is_none() {
+            self.stepper.begin(config.sample_period, false, !self.has_begun);
+            self.has_begun = true;
+            begin(&mut self.analysis, &scene, &self.genes, seed);
+        }
+        let Some(analysis) = self.analysis.get_mut() else { return };
+        let seeds = self.has_seeds.then_some(&self.seeds);
+        if !analysis.advance(&scene, seeds, &mut self.stepper, allowance) {
+            return;
+        }
+        self.is_analysing = false;
+        let (found, evaluations, steps) = (analysis.found().copied(), analysis.evaluations, analysis.steps());
+        self.has_seeds |= analysis.leave_seeds(&mut self.seeds);
+        if let Some(found) = found {
+            let report = self.conclude(&found);
+            self.send(Report { evaluations, steps, ..report });
+        }
+    }
+
+    /// What an analysis says: takes its estimates and its evidence over.
+    #[inline(never)]
+    fn conclude(&mut self, found: &Found<FAULTS>) -> Report<FAULTS> {
+        let [first, second] = &self.windows;
+        let window = if self.second_fills { first } else { second };
+        let mut report = Report {
+            window: self.analysed,
+            first_tick: window.first_tick,
+            exclusions: window.exclusions,
+            latency_samples: self.latency,
+            reversals: found.path.reversals,
+            travel: found.path.travel,
+            ..self.blank()
+        };
+        let Some(config) = self.config.get().copied() else { return report };
+        self.carried = Slot::Full(found.end);
+        let errors = found.standard_errors();
+        let widening = found.widening();
+        let is_explained = found.is_explained();
+        let threshold = threshold(&config);
+        let (mut informs, mut is_faulty) = (false, false);
+        for gene in 0..FAULTS {
+            let fault = &config.faults[gene];
+            let informative = found.path.reversals > 0 && errors[gene] < resolution(&config, gene);
+            let error = fault.free.range() * errors[gene] * widening;
+            if informative {
+                informs = true;
+                self.genes[gene] = found.genes[gene];
+                let ratio = log_likelihood_ratio(fault, fault.free.value(found.genes[gene]), error);
+                if is_explained {
+                    self.evidence[gene].take(ratio, threshold);
+                    is_faulty |= ratio >= 0.5 * threshold;
+                } else {
+                    self.evidence[gene].wait(ratio);
+                }
+            }
+            report.faults[gene] = Estimate {
+                standard_error: error,
+                informative,
+                ..estimate(&config, gene, self.genes[gene], &self.evidence[gene])
+            };
+        }
+        for (channel, noise) in config.believed_noise().into_iter().enumerate() {
+            let (mean, rms) = found.sums.residual(channel);
+            // A channel without a single sample has no residual, and its noise may not be finite.
+            report.offset[channel] = if mean == 0.0 { 0.0 } else { mean * noise };
+            report.residual_rms[channel] = if rms == 0.0 { 0.0 } else { rms * noise };
+        }
+        report.verdict = match (informs, is_explained, is_faulty) {
+            (false, ..) => Verdict::Uninformative,
+            (_, false, _) => Verdict::ModelInadequate,
+            (_, _, true) => Verdict::Fault,
+            _ => Verdict::Healthy,
+        };
+        report
+    }
+
+    /// A report that says nothing yet: what was known before.
+    fn blank(&self) -> Report<FAULTS> {
+        let noise = self.config.get().map_or([0.0; 2], Config::believed_noise);
+        let faults = core::array::from_fn(|gene| match (self.config.get(), self.evidence.get(gene)) {
+            (Some(config), Some(evidence)) => {
+                estimate(config, gene, self.genes.get(gene).copied().unwrap_or(0.0), evidence)
+            }
+            _ => Estimate::default(),
+        });
+        Report {
+            window: self.number,
+            first_tick: 0,
+            verdict: Verdict::SensorFault,
+            faults,
+            residual_rms: [0.0; 2],
+            noise,
+            offset: [0.0; 2],
+            reversals: 0,
+            travel: 0.0,
+            exclusions: Exclusions::NONE,
+            evaluations: 0,
+            steps: 0,
+            latency_samples: 0,
+            skipped: self.skipped,
+        }
+    }
+
+    /// What there is to say of the window that fills, where its samples are of no use.
+    fn report_of_filling(&mut self) -> Report<FAULTS> {
+        let window = self.filling();
+        let (first_tick, exclusions) = (window.first_tick, window.exclusions);
+        Report { first_tick, exclusions, ..self.blank() }
+    }
+
+    /// Lays a report out. One that was not fetched is lost.
+    const fn send(&mut self, report: Report<FAULTS>) {
+        self.outbox = Slot::Full(report);
+    }
+
+    /// After a restore: what is not kept is made again.
+    fn resume(&mut self) {
+        self.analysis = Slot::Empty;
+        self.has_begun = false;
+        self.outbox = Slot::Empty;
+        let window = self.filling();
+        window.filled = window.filled.min(SAMPLES as u32 - 1);
+    }
+}
+
+/// Begins an analysis where it will stay. Not inlined: its copy would lie on the stack below the whole simulation.
+#[inline(never)]
+fn begin<const SAMPLES: usize, const FAULTS: usize, const POPULATION: usize>(
+    place: &mut Slot<Analysis<FAULTS, POPULATION>>,
+    scene: &Scene<'_, FAULTS, SAMPLES>,
+    guess: &[f32; FAULTS],
+    seed: u64,
+) {
+    *place = Slot::Full(Analysis::new(scene, guess, seed));
+}
+
+/// Samples at the start of a window that are not compared.
+fn settle_samples<const FAULTS: usize, const SAMPLES: usize>(config: &Config<FAULTS>) -> usize {
+    ((SETTLE / config.sample_period + 0.5) as usize).min(SAMPLES / 4)
+}
+
+/// A value with its evidence, and no standard error.
+fn estimate<const FAULTS: usize>(
+    config: &Config<FAULTS>,
+    gene: usize,
+    value: f32,
+    evidence: &Evidence,
+) -> Estimate {
+    Estimate {
+        value: config.faults.get(gene).map_or(0.0, |fault| fault.free.value(value)),
+        standard_error: f32::INFINITY,
+        informative: false,
+        evidence: evidence.sum / threshold(config),
+        alarmed: evidence.alarmed,
+    }
+}
+
+/// Where the screen puts what it lets through: the window that fills.
+struct Feed<'a, S, const SAMPLES: usize, const FAULTS: usize, const POPULATION: usize> {
+    monitor: &'a mut Monitor<S, SAMPLES, FAULTS, POPULATION>,
+    scale: Scale,
+}
+
+impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATION: usize> Sink
+    for Feed<'_, S, SAMPLES, FAULTS, POPULATION>
+{
+    fn accept(&mut self, sample: &Screened) {
+        if self.monitor.filling().take(sample, self.scale) {
+            self.monitor.rotate(self.scale);
+        }
+    }
+
+    fn interrupt(&mut self) {
+        self.monitor.interrupt();
+    }
+
+    fn take_back(&mut self, count: u32, user: bool, current: bool) {
+        self.monitor.filling().take_back(count as usize, user, current);
+    }
+
+    fn exclude(&mut self, count: u32, reason: Reason) {
+        self.monitor.exclusions.add(count, reason);
+        self.monitor.filling().exclusions.add(count, reason);
+    }
+}

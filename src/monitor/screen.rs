@@ -1,0 +1,309 @@
+//! What is wrong with samples is found here, counted, and never gets further.
+//!
+//! A sample waits for its successor, so that a spike can be told from a jump. A few lost samples are bridged: the
+//! command by a parabola, the measured values left out. Over more the stream is broken and a window starts anew.
+
+use super::sample::Sample;
+use super::slot::Slot;
+
+/// Lost samples in a row that are bridged.
+const LONGEST_BRIDGE: u32 = 20;
+/// Samples in a row with ticks out of order after which the source is taken to count anew.
+const NEW_COUNT: u32 = 8;
+/// Departure from both neighbours, in standard deviations of the noise, that makes a spike.
+const SPIKE: f32 = 10.0;
+/// Samples of the very same value after which a sensor is stuck, if the command has moved.
+const STUCK: u32 = 100;
+/// How far the command must have moved meanwhile, m.
+const STUCK_COMMAND: f32 = 1e-3;
+
+/// How many samples were excluded, and why.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Exclusions {
+    /// Never came: a gap in the ticks.
+    pub lost: u32,
+    /// Came twice, or after a later one.
+    pub out_of_order: u32,
+    /// Had a command that is no number or out of range.
+    pub bad_command: u32,
+    /// Had a measured value that is no number.
+    pub not_a_number: u32,
+    /// Had a measured value that the actuator cannot reach.
+    pub out_of_range: u32,
+    /// Had a measured value far from both of its neighbours.
+    pub spikes: u32,
+    /// Had a measured value that stood still while the command moved.
+    pub stuck: u32,
+}
+
+impl Exclusions {
+    /// None.
+    pub const NONE: Self = Self {
+        lost: 0,
+        out_of_order: 0,
+        bad_command: 0,
+        not_a_number: 0,
+        out_of_range: 0,
+        spikes: 0,
+        stuck: 0,
+    };
+
+    /// Counts some more.
+    pub(super) fn add(&mut self, count: u32, reason: Reason) {
+        let counter = reason(self);
+        *counter = counter.saturating_add(count);
+    }
+
+    /// All of them.
+    pub fn total(&self) -> u32 {
+        self.fields().iter().fold(0, |sum: u32, &&count| sum.saturating_add(count))
+    }
+
+    /// Each count, in the order of the fields.
+    pub const fn fields(&self) -> [&u32; 7] {
+        let Self { lost, out_of_order, bad_command, not_a_number, out_of_range, spikes, stuck } = self;
+        [lost, out_of_order, bad_command, not_a_number, out_of_range, spikes, stuck]
+    }
+
+    pub(super) fn fields_mut(&mut self) -> [&mut u32; 7] {
+        let Self { lost, out_of_order, bad_command, not_a_number, out_of_range, spikes, stuck } = self;
+        [lost, out_of_order, bad_command, not_a_number, out_of_range, spikes, stuck]
+    }
+}
+
+/// The counter of a reason.
+pub(super) type Reason = fn(&mut Exclusions) -> &mut u32;
+
+/// A sample that may be used.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Screened {
+    /// Its tick.
+    pub(super) tick: u32,
+    /// Commanded position, m.
+    pub(super) command: f32,
+    /// User position, m.
+    pub(super) user: Option<f32>,
+    /// Current, mA.
+    pub(super) current: Option<f32>,
+}
+
+/// Where the screen puts what it lets through.
+pub(super) trait Sink {
+    /// The next sample.
+    fn accept(&mut self, sample: &Screened);
+    /// The next sample does not follow the one before.
+    fn interrupt(&mut self);
+    /// Measured values of the last samples were none.
+    fn take_back(&mut self, count: u32, user: bool, current: bool);
+    /// Samples, or measured values of them, are excluded for a reason.
+    fn exclude(&mut self, count: u32, reason: Reason);
+}
+
+/// What a screen needs to know.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Limits {
+    /// Largest position, m.
+    pub(super) position: f32,
+    /// Largest current, mA.
+    pub(super) current: f32,
+    /// Noise of user position and current.
+    pub(super) noise: [f32; 2],
+}
+
+/// How long a sensor has said the same, and where the command was meanwhile.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Still {
+    pub(super) value: f32,
+    pub(super) count: u32,
+    pub(super) lowest: f32,
+    pub(super) highest: f32,
+    pub(super) stuck: bool,
+}
+
+impl Still {
+    const NEW: Self = Self { value: 0.0, count: 0, lowest: 0.0, highest: 0.0, stuck: false };
+
+    /// Looks at the next value. `turns`: the command must also have turned back by as much, since this sensor stands
+    /// still where the command moves evenly. Returns how many samples turn out to be stuck: all that led to it, then one by
+    /// one.
+    fn look(&mut self, value: f32, command: f32, turns: bool) -> u32 {
+        if value.to_bits() != self.value.to_bits() || self.count == 0 {
+            *self = Self { value, count: 1, lowest: command, highest: command, stuck: false };
+            return 0;
+        }
+        self.count = self.count.saturating_add(1);
+        self.lowest = self.lowest.min(command);
+        self.highest = self.highest.max(command);
+        let turned = self.highest - command > STUCK_COMMAND && command - self.lowest > STUCK_COMMAND;
+        let moved = self.highest - self.lowest > STUCK_COMMAND;
+        if self.stuck {
+            return 1;
+        }
+        self.stuck = self.count >= STUCK && if turns { turned } else { moved };
+        if self.stuck { self.count } else { 0 }
+    }
+}
+
+/// The screen.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Screen {
+    /// The newest sample, which waits for its successor.
+    pub(super) newest: Slot<Screened>,
+    /// User position and current of the one before it.
+    pub(super) before: [Option<f32>; 2],
+    /// Commands of the two samples before the newest, the later one first, and how many of them there are.
+    pub(super) commands: [f32; 2],
+    pub(super) known: u32,
+    /// Samples in a row with ticks out of order.
+    pub(super) disorder: u32,
+    /// For user position and current.
+    pub(super) still: [Still; 2],
+}
+
+impl Screen {
+    /// Has seen nothing.
+    pub(super) const NEW: Self = Self {
+        newest: Slot::Empty,
+        before: [None; 2],
+        commands: [0.0; 2],
+        known: 0,
+        disorder: 0,
+        still: [Still::NEW; 2],
+    };
+
+    /// Looks at a sample. Bounded: at most [`LONGEST_BRIDGE`] samples go to the sink besides it.
+    pub(super) fn look(&mut self, sample: &Sample, limits: &Limits, sink: &mut impl Sink) {
+        let mut interrupted = false;
+        let mut gap = 0;
+        if let Some(newest) = self.newest.get() {
+            let step = sample.tick.wrapping_sub(newest.tick);
+            if step == 0 || step > u32::MAX / 2 {
+                self.disorder += 1;
+                sink.exclude(1, |counts| &mut counts.out_of_order);
+                if self.disorder < NEW_COUNT {
+                    return;
+                }
+                interrupted = true;
+            } else {
+                gap = step - 1;
+                interrupted = gap > LONGEST_BRIDGE;
+            }
+        }
+        let is_in_range = sample.command.abs() <= limits.position;
+        if !is_in_range {
+            sink.exclude(1, |counts| &mut counts.bad_command);
+            return;
+        }
+        self.disorder = 0;
+        sink.exclude(gap, |counts| &mut counts.lost);
+        let checked = self.checked(sample, limits, sink);
+        if interrupted {
+            *self = Self { newest: Slot::Full(checked), ..Self::NEW };
+            sink.interrupt();
+            return;
+        }
+        self.hand_on(&checked, gap, limits, sink);
+        self.newest = Slot::Full(checked);
+    }
+
+    /// The sample without the values that are none by themselves.
+    fn checked(&mut self, sample: &Sample, limits: &Limits, sink: &mut impl Sink) -> Screened {
+        let mut values = [Some(sample.user), Some(sample.current)];
+        let largest = [limits.position, limits.current];
+        let mut back = [0; 2];
+        for channel in 0..2 {
+            let Some(value) = values[channel] else { continue };
+            if !limits.noise[channel].is_finite() {
+                values[channel] = None;
+            } else if value.is_nan() {
+                values[channel] = None;
+                sink.exclude(1, |counts| &mut counts.not_a_number);
+            } else if value.abs() > largest[channel] {
+                values[channel] = None;
+                sink.exclude(1, |counts| &mut counts.out_of_range);
+            } else {
+                let stuck = self.still[channel].look(value, sample.command, channel == 1);
+                if stuck > 0 {
+                    values[channel] = None;
+                    back[channel] = stuck - 1;
+                    sink.exclude(stuck, |counts| &mut counts.stuck);
+                }
+            }
+        }
+        for channel in 0..2 {
+            if back[channel] > 0 {
+                // The newest of them still waits here.
+                sink.take_back(back[channel] - 1, channel == 0, channel == 1);
+                self.before[channel] = None;
+                if let Some(newest) = self.newest.get_mut() {
+                    if channel == 0 { newest.user = None } else { newest.current = None }
+                }
+            }
+        }
+        Screened { tick: sample.tick, command: sample.command, user: values[0], current: values[1] }
+    }
+
+    /// Hands the waiting sample on, and a bridge to its successor over a gap.
+    fn hand_on(&mut self, next: &Screened, gap: u32, limits: &Limits, sink: &mut impl Sink) {
+        let Some(mut newest) = self.newest.get().copied() else { return };
+        if gap == 0 {
+            let neighbours = [(self.before[0], next.user), (self.before[1], next.current)];
+            let values = [&mut newest.user, &mut newest.current];
+            for ((value, (before, after)), noise) in values.into_iter().zip(neighbours).zip(limits.noise) {
+                if let (Some(here), Some(before), Some(after)) = (*value, before, after)
+                    && is_spike(here, before, after, noise)
+                {
+                    *value = None;
+                    sink.exclude(1, |counts| &mut counts.spikes);
+                }
+            }
+        }
+        sink.accept(&newest);
+        self.before = [newest.user, newest.current];
+        let bridge = Bridge::over(newest.command, self.commands, self.known, next.command, gap + 1);
+        for lost in 1..=gap {
+            let command = bridge.at(lost).max(-limits.position).min(limits.position);
+            sink.accept(&Screened {
+                tick: newest.tick.wrapping_add(lost),
+                command,
+                user: None,
+                current: None,
+            });
+            self.before = [None; 2];
+        }
+        (self.commands, self.known) = if gap == 0 {
+            ([newest.command, self.commands[0]], (self.known + 1).min(2))
+        } else {
+            ([0.0; 2], 0)
+        };
+    }
+}
+
+/// The command over a gap: a parabola from the slope before it to the value behind it. A line would be off by tens of
+/// micrometres where the command turns, and the model with it.
+struct Bridge {
+    start: f32,
+    slope: f32,
+    bend: f32,
+}
+
+impl Bridge {
+    /// From the last command before a gap, and the two before that as far as they are known, to the one behind it.
+    fn over(start: f32, before: [f32; 2], known: u32, end: f32, samples: u32) -> Self {
+        let length = samples as f32;
+        let slope =
+            if known < 2 { (end - start) / length } else { 1.5 * start - 2.0 * before[0] + 0.5 * before[1] };
+        Self { start, slope, bend: (end - start - slope * length) / (length * length) }
+    }
+
+    fn at(&self, sample: u32) -> f32 {
+        let time = sample as f32;
+        self.start + time * (self.slope + time * self.bend)
+    }
+}
+
+/// Does a value lie far outside two neighbours, and farther than they lie apart?
+fn is_spike(here: f32, before: f32, after: f32, noise: f32) -> bool {
+    let nearest = (here - before).abs().min((here - after).abs());
+    (here > before) == (here > after) && nearest > SPIKE * noise && (before - after).abs() < nearest
+}

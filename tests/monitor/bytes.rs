@@ -1,0 +1,52 @@
+//! Random bytes, by the entry points of the fuzz targets, for a bounded number of runs.
+
+#[path = "../../fuzz/entry.rs"]
+mod entry;
+
+use eha_monitor::random::Random;
+
+fn bytes(random: &mut Random, count: usize) -> Vec<u8> {
+    (0..count).map(|_| random.below(256) as u8).collect()
+}
+
+#[test]
+fn no_sample_can_harm_the_monitor() {
+    for seed in 0..60 {
+        let mut random = Random::new(seed);
+        let mut stream = bytes(&mut random, 13 * 400);
+        // From mostly tame to mostly wild.
+        let tame = seed % 4;
+        for chunk in stream.chunks_exact_mut(13) {
+            if (random.below(4) as u64) < tame {
+                chunk[0] = 0x01;
+            }
+        }
+        entry::stream(&stream);
+    }
+}
+
+#[test]
+fn the_worst_values_in_every_place() {
+    let wild =
+        [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN_POSITIVE, -0.0, 1e-42, 0.3, -0.25];
+    for value in wild {
+        for place in 0..3 {
+            let mut stream = Vec::new();
+            for number in 0..300_u32 {
+                let mut words = [1_u32 << 28, 1 << 28, 1 << 28].map(|word| word.wrapping_mul(number % 7));
+                words[place] = value.to_bits();
+                stream.push([0x31, 0xc1, 0xa1][place]);
+                stream.extend(words.iter().flat_map(|word| word.to_le_bytes()));
+            }
+            entry::stream(&stream);
+        }
+    }
+}
+
+#[test]
+fn no_bytes_are_taken_for_a_snapshot() {
+    let mut random = Random::new(9);
+    for length in 0..500 {
+        entry::restore(&bytes(&mut random, length));
+    }
+}

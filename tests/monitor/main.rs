@@ -1,0 +1,9 @@
+//! The streaming monitor on actuators in flight.
+
+mod bytes;
+mod detection;
+mod flight;
+mod pacing;
+mod restart;
+mod sensors;
+mod verdicts;

@@ -1,0 +1,65 @@
+//! The work of the background: never more than it is allowed, and the same result however it is cut.
+
+use crate::flight::{Flight, Flown, HEALTHY, TestMonitor, WINDOW, monitor};
+use eha_monitor::integrate::LONGEST_PIECE;
+use eha_monitor::monitor::queue::SampleQueue;
+use eha_monitor::monitor::report::Report;
+
+/// Reports of a flight with some polls of a budget every so many samples, without what depends on the time that they took.
+fn reports(budget: u32, polls: u32, every: u32) -> Vec<Report<2>> {
+    let flown = Flown::new(21);
+    let mut flight = Flight::new(|sample| flown.at(sample), 21);
+    let mut queue = SampleQueue::<64>::new();
+    let (mut inlet, mut outlet) = queue.split();
+    let mut monitor: Box<TestMonitor> = monitor();
+    let mut reports = Vec::new();
+    for sample in 0..5 * WINDOW as u32 {
+        assert!(inlet.push(flight.next(HEALTHY)));
+        if sample % every == every - 1 {
+            for number in 0..polls {
+                let poll = monitor.poll(&mut outlet, budget);
+                assert_eq!(poll.samples, if number == 0 { every } else { 0 });
+                assert!(poll.steps <= budget, "{} steps of {budget}", poll.steps);
+                reports.extend(poll.report.map(|report| Report { latency_samples: 0, ..report }));
+            }
+        }
+    }
+    reports
+}
+
+#[test]
+fn the_result_does_not_depend_on_how_the_work_is_cut() {
+    let whole = reports(u32::MAX, 1, 1);
+    assert_eq!(whole.len(), 4);
+    for (budget, polls, every) in
+        [(LONGEST_PIECE, 12, 1), (LONGEST_PIECE + 1, 8, 1), (57, 1, 2), (1000, 1, 50), (100_000, 1, 7)]
+    {
+        assert_eq!(
+            reports(budget, polls, every)[..3],
+            whole[..3],
+            "{polls} times {budget} steps, {every} samples"
+        );
+    }
+    assert_eq!(reports(LONGEST_PIECE - 1, 100, 1), []);
+}
+
+#[test]
+fn windows_are_skipped_where_the_work_cannot_keep_up() {
+    let flown = Flown::new(22);
+    let mut flight = Flight::new(|sample| flown.at(sample), 22);
+    let mut monitor = monitor();
+    let mut reports = Vec::new();
+    for sample in 0..20 * WINDOW as u32 {
+        monitor.take(&flight.next(HEALTHY));
+        // A step or two for each sample: a third of what an analysis needs.
+        let budget = if sample % 20 == 0 { 2 * LONGEST_PIECE } else { 0 };
+        reports.extend(monitor.work(budget).1);
+    }
+    assert!(monitor.counters().skipped >= 3, "{:?}", monitor.counters());
+    assert!(reports.len() >= 2, "{reports:?}");
+    for report in &reports {
+        assert!(report.latency_samples > WINDOW as u32, "{report:?}");
+        let pull = (report.faults[1].value - HEALTHY[1]) / report.faults[1].standard_error;
+        assert!(pull.abs() < 5.0, "a window after a skipped one starts anew: {report:?}");
+    }
+}

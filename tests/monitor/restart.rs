@@ -1,0 +1,85 @@
+//! The state survives a restart.
+
+use crate::flight::{Flight, Flown, HEALTHY, TestMonitor, WINDOW, config, feed, monitor};
+use eha_monitor::monitor::SnapshotError;
+use eha_monitor::monitor::config::Config;
+use eha_monitor::monitor::report::Report;
+use eha_monitor::random::Random;
+
+fn snapshot(monitor: &mut TestMonitor) -> Vec<u8> {
+    let mut bytes = vec![0; TestMonitor::SNAPSHOT_BYTES];
+    let length = monitor.snapshot(&mut bytes).expect("room for it");
+    bytes.truncate(length);
+    bytes
+}
+
+/// Reports of a flight with trouble, restarted at some samples; without what depends on the time that they took.
+fn reports(restarts: &[u32]) -> Vec<Report<2>> {
+    let flown = Flown::new(31);
+    let mut flight = Flight::new(|sample| flown.at(sample), 31);
+    let mut noise = Random::new(5);
+    let mut monitor = monitor();
+    let mut reports = Vec::new();
+    for number in 0..6 * WINDOW as u32 {
+        if restarts.contains(&number) {
+            let bytes = snapshot(&mut monitor);
+            monitor = self::monitor();
+            monitor.restore(&bytes).expect("its own snapshot");
+            assert!(snapshot(&mut monitor) == bytes, "a snapshot of what was restored is the same");
+        }
+        let faults = [HEALTHY[0] + 1e-8 * number as f32, HEALTHY[1]];
+        let mut sample = flight.next(faults);
+        match noise.below(50) {
+            0 => sample.user = f32::NAN,
+            1 => sample.user += 1e-3,
+            2 => continue,
+            _ => {}
+        }
+        reports.extend(feed(&mut monitor, &sample).map(|report| Report { latency_samples: 0, ..report }));
+    }
+    reports
+}
+
+#[test]
+fn a_restored_monitor_goes_on_with_the_same_bits() {
+    let whole = reports(&[]);
+    assert_eq!(whole.len(), 5);
+    assert_eq!(reports(&[1, 999, 1003, 1010, 2500, 4025]), whole);
+}
+
+#[test]
+fn a_damaged_snapshot_is_refused_and_changes_nothing() {
+    let flown = Flown::new(32);
+    let mut flight = Flight::new(|sample| flown.at(sample), 32);
+    let mut monitor = monitor();
+    for _ in 0..1500 {
+        feed(&mut monitor, &flight.next(HEALTHY));
+    }
+    let good = snapshot(&mut monitor);
+    let mut other = self::monitor();
+    let untouched = snapshot(&mut other);
+    let mut refuse = |bytes: &[u8], error: SnapshotError| {
+        assert_eq!(other.restore(bytes), Err(error));
+        assert!(snapshot(&mut other) == untouched);
+    };
+    let mut random = Random::new(7);
+    for _ in 0..300 {
+        let mut bytes = good.clone();
+        let place = 12 + random.below(bytes.len() - 12);
+        bytes[place] ^= 1 << random.below(8);
+        refuse(&bytes, SnapshotError::Checksum);
+    }
+    refuse(&[], SnapshotError::Length);
+    refuse(&[0; 64], SnapshotError::Mark);
+    refuse(&good[..good.len() - 4], SnapshotError::Checksum);
+    let mut version = good.clone();
+    version[4] += 1;
+    refuse(&version, SnapshotError::Version);
+    assert_eq!(monitor.snapshot(&mut [0; 100]), Err(SnapshotError::Length));
+
+    let mut stranger = self::monitor();
+    stranger.configure(&Config { seed: 2, ..config() }).unwrap();
+    assert_eq!(stranger.restore(&good), Err(SnapshotError::Config));
+    let mut idle = TestMonitor::idle(crate::flight::Steps::new());
+    assert_eq!(idle.restore(&good), Err(SnapshotError::NotConfigured));
+}
