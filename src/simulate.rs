@@ -33,6 +33,34 @@ impl<T: Real> Motion<T> {
     }
 }
 
+/// Backlash and LVDT of another candidate behind the same ram: where candidates differ in their output only, one motion
+/// serves them all.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Follower<T> {
+    half_backlash: T,
+    user: T,
+    lvdt: LvdtState<T>,
+}
+
+impl<T: Real> Follower<T> {
+    /// The output of an actuator, at rest at zero.
+    pub fn of(actuator: &Actuator<T>) -> Self {
+        let half_backlash = actuator.model.half_backlash();
+        Self { half_backlash, user: T::ZERO, lvdt: LvdtState::at_rest(T::ZERO) }
+    }
+
+    /// Rests at a user position, m, from now on.
+    pub fn restart(&mut self, user: T) {
+        self.user = user;
+        self.lvdt = LvdtState::at_rest(user);
+    }
+
+    /// What the LVDT of its actuator shows. Call it once a sample.
+    pub fn shown(&mut self, actuator: &Actuator<T>) -> T {
+        actuator.lvdt.sample(&mut self.lvdt, self.user)
+    }
+}
+
 impl<T: Real> Actuator<T> {
     /// An actuator whose channels are sampled with a period in s.
     pub fn new(model: Model<T>, sample_period: T) -> Self {
@@ -47,9 +75,26 @@ impl<T: Real> Actuator<T> {
     /// Advances a motion by one sample.
     #[inline]
     pub fn advance<S: Stepper<T>>(&self, stepper: &mut S, motion: &mut Motion<T>, segment: &InputSegment<T>) {
+        self.lead(stepper, motion, segment, &mut []);
+    }
+
+    /// The same with followers, which see what the ram does.
+    #[inline]
+    pub fn lead<S: Stepper<T>>(
+        &self,
+        stepper: &mut S,
+        motion: &mut Motion<T>,
+        segment: &InputSegment<T>,
+        followers: &mut [Option<Follower<T>>],
+    ) {
         let half = self.model.half_backlash();
         let mut user = motion.user;
-        advance(stepper, &self.model, &mut motion.run, segment, |ram| user = play(ram, user, half));
+        advance(stepper, &self.model, &mut motion.run, segment, |ram| {
+            user = play(ram, user, half);
+            for follower in followers.iter_mut().flatten() {
+                follower.user = play(ram, follower.user, follower.half_backlash);
+            }
+        });
         motion.user = user;
     }
 

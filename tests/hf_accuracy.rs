@@ -2,14 +2,18 @@
 
 mod common;
 
-use common::{Rig, command};
+use common::{Rig, collocation, command};
 use eha_monitor::command::COMMANDS;
 use eha_monitor::model::{Feedback, ValveForm};
 
 /// Largest distance from the plant with both at 2 us, um rms over 0.45 s.
 const LIMIT: f64 = 0.05;
-/// The same at the step that simulations of the HF model use, 10 us.
+/// The same by the midpoint rule at the step that simulations of the HF model use, 10 us.
 const COARSE_LIMIT: f64 = 0.2;
+/// The same by collocation, in steps of up to 1 ms.
+const LONG_LIMIT: f64 = 0.02;
+/// Most steps that collocation takes for 0.45 s.
+const MOST_STEPS: u32 = 2500;
 
 fn rig(fdj: f64, bkl: f64, feedback: Feedback) -> Rig {
     let mut rig = Rig::of(ValveForm::TwoStage, feedback);
@@ -28,7 +32,14 @@ fn check(commands: &[&str]) {
             let plant = rig.plant(&samples);
             let fine = rig.midpoint(&samples, 2e-6).distance(&plant);
             let coarse = rig.midpoint(&samples, 1e-5).distance(&plant);
-            println!("{name:10} {fdj:6} N {feedback:?}: 2 us {fine}, 10 us {:.5} um", coarse.user);
+            let long = rig.collocation(&samples);
+            let (steps, distance) = (long.steps, long.distance(&plant));
+            println!(
+                "{name:10} {fdj:6} N {feedback:?}: 2 us {fine}, 10 us {:.5} um, {steps} long steps {distance}",
+                coarse.user
+            );
+            assert!(distance.user < LONG_LIMIT && distance.ram < LONG_LIMIT, "{name}, {fdj} N: {distance}");
+            assert!(steps < MOST_STEPS, "{name}, {fdj} N: {steps} steps");
             assert!(fine.user < LIMIT && fine.ram < LIMIT, "{name}, {fdj} N: {fine}");
             assert!(fine.current < 1e-3 && fine.pressure < 2.0, "{name}, {fdj} N: {fine}");
             assert!(coarse.user < COARSE_LIMIT, "{name}, {fdj} N: {coarse}");
@@ -65,6 +76,36 @@ fn everything_at_once_agrees_with_the_plant() {
     let distance = rig.midpoint(&samples, 2e-6).distance(&rig.plant(&samples));
     println!("{distance}");
     assert!(distance.user < LIMIT && distance.ram < LIMIT, "{distance}");
+    let distance = rig.collocation(&samples).distance(&rig.plant(&samples));
+    println!("{distance}");
+    assert!(distance.user < LIMIT && distance.ram < LIMIT, "{distance}");
+}
+
+#[test]
+fn a_tolerance_steers_the_error() {
+    // The acid test: the saturated spool amplifies differences. Too coarse a tolerance must show, or the estimate of the
+    // error steers nothing.
+    let samples = command("sine", 450);
+    let rig = rig(6400.0, 0.0, Feedback::Ram);
+    let plant = rig.plant(&samples);
+    let by = |tolerance| collocation(rig.form, &rig.parameters, tolerance, &samples);
+    let (fine, coarse) = (by(2e-9), by(1e-4));
+    let errors = [&fine, &coarse].map(|trace| trace.distance(&plant).ram);
+    println!("{errors:?} um in {} and {} steps", fine.steps, coarse.steps);
+    assert!(errors[1] > 5.0 * errors[0] && coarse.steps < fine.steps, "{errors:?}");
+}
+
+#[test]
+fn single_precision_follows_double() {
+    for name in ["sine", "chirp", "mixed-step"] {
+        let samples = command(name, 450);
+        let rig = rig(800.0, 2e-4, Feedback::Ram);
+        let double = rig.collocation(&samples);
+        let single = collocation(rig.form, &rig.parameters.to_f32(), 2e-9, &samples);
+        let distance = single.distance(&double);
+        println!("{name}: {distance}, {} and {} steps", single.steps, double.steps);
+        assert!(distance.user < 0.05, "{name}: {distance}");
+    }
 }
 
 #[test]

@@ -1,13 +1,17 @@
 //! Gauss-Newton finish with standard errors: what the search has found is brought to the bottom of its basin.
 //!
 //! Derivatives are forward differences in the genes. The model and its perturbed neighbours walk along the record
-//! together, a few samples at a time, so no trace is stored.
+//! together, a few samples at a time, so no trace is stored. A neighbour that differs in its output only (backlash,
+//! LVDT) follows the motion of the model and costs no simulation.
 
 use super::problem::{MEASURED, Misfit, Problem, Record};
 use super::walk::Walk;
 use crate::integrate::Stepper;
 use crate::model::Model;
+use crate::model::state::Outputs;
+use crate::parameter::Reach;
 use crate::scalar::{Real, Scalar};
+use crate::simulate::Follower;
 use nalgebra::{RealField, SMatrix, SVector};
 
 /// Samples that one model walks before the next one follows: amortises what a change of model costs the stepper.
@@ -106,18 +110,28 @@ where
         }
         let mut walks: [Walk<T>; GENES] = core::array::from_fn(|gene| Walk::new(&neighbours[gene], record));
         let mut walk = Walk::new(&base, record);
+        let mut followers: [Option<Follower<T>>; GENES] =
+            walks.each_ref().map(|walk| Follower::of(walk.actuator())).map(Some);
+        for (gene, follower) in followers.iter_mut().enumerate() {
+            if !is_output(problem, gene) {
+                *follower = None;
+            }
+        }
         loop {
             let mut chunk = Chunk::<T, GENES>::new();
-            chunk.fill_base(problem, record, &mut walk, select(steppers, 0, shared));
+            chunk.fill_base(problem, record, &mut walk, select(steppers, 0, shared), &walks, &mut followers);
             if chunk.filled == 0 {
                 break;
             }
-            for gene in 0..active {
+            for (gene, walk) in walks.iter_mut().enumerate().take(active) {
+                if is_output(problem, gene) {
+                    continue;
+                }
                 let stepper = select(steppers, gene + 1, shared);
                 if shared {
                     stepper.begin(record.sample_period, has_force, dynamic);
                 }
-                chunk.fill_neighbour(problem, record, &mut walks[gene], stepper, gene);
+                chunk.fill_neighbour(problem, record, walk, stepper, gene);
             }
             if shared {
                 select(steppers, 0, shared).begin(record.sample_period, has_force, dynamic);
@@ -126,6 +140,14 @@ where
         }
     }
     normal
+}
+
+/// Does a gene change the output of the motion only? Its neighbour then follows the base model.
+fn is_output<T: Real>(problem: &Problem<'_, T>, gene: usize) -> bool {
+    problem
+        .free
+        .get(gene)
+        .is_some_and(|free| Model::<T>::reach(problem.form, free.parameter) == Reach::Output)
 }
 
 fn select<S>(steppers: &mut [S], model: usize, shared: bool) -> &mut S {
@@ -140,6 +162,25 @@ struct Residuals<T, const GENES: usize> {
     base: [(T, bool); MEASURED],
     /// Of its neighbours.
     neighbours: [[T; GENES]; MEASURED],
+}
+
+impl<T: Real, const GENES: usize> Residuals<T, GENES> {
+    /// Notes what a gene's neighbour predicts.
+    fn compare(
+        &mut self,
+        problem: &Problem<'_, T>,
+        record: &Record<'_, T>,
+        sample: usize,
+        gene: usize,
+        outputs: &Outputs<T>,
+    ) {
+        let residuals = problem.residuals(record, sample, outputs);
+        for (neighbours, (residual, _)) in self.neighbours.iter_mut().zip(residuals) {
+            if let Some(neighbour) = neighbours.get_mut(gene) {
+                *neighbour = residual;
+            }
+        }
+    }
 }
 
 /// Residuals of a few samples.
@@ -160,9 +201,17 @@ impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
         record: &Record<'_, T>,
         walk: &mut Walk<T>,
         stepper: &mut S,
+        neighbours: &[Walk<T>; GENES],
+        followers: &mut [Option<Follower<T>>; GENES],
     ) {
         for place in &mut self.samples {
-            let Some((sample, outputs)) = walk.next(record, stepper) else { break };
+            let Some((sample, outputs)) = walk.lead(record, stepper, followers) else { break };
+            for (gene, (follower, neighbour)) in followers.iter_mut().zip(neighbours).enumerate() {
+                if let Some(follower) = follower {
+                    let user = follower.shown(neighbour.actuator());
+                    place.compare(problem, record, sample, gene, &Outputs { user, ..outputs });
+                }
+            }
             if record.is_compared(sample) {
                 place.base = problem.residuals(record, sample, &outputs);
             }
@@ -180,12 +229,7 @@ impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
     ) {
         for place in self.samples.iter_mut().take(self.filled) {
             let Some((sample, outputs)) = walk.next(record, stepper) else { break };
-            let residuals = problem.residuals(record, sample, &outputs);
-            for (neighbours, (residual, _)) in place.neighbours.iter_mut().zip(residuals) {
-                if let Some(neighbour) = neighbours.get_mut(gene) {
-                    *neighbour = residual;
-                }
-            }
+            place.compare(problem, record, sample, gene, &outputs);
         }
     }
 
@@ -296,7 +340,7 @@ where
     S: Stepper<T>,
 {
     let active = problem.free.len().min(GENES);
-    let cost_of_normal = active as u32 + 1;
+    let cost_of_normal = 1 + (0..active).filter(|&gene| !is_output(problem, gene)).count() as u32;
     let mut here = *genes;
     let mut normal = normal_equations(problem, &here, settings.difference, steppers);
     let mut evaluations = cost_of_normal;

@@ -14,7 +14,7 @@ pub struct Settings<T> {
     pub search: SearchSettings,
     /// The finish.
     pub finish: gauss_newton::Settings<T>,
-    /// Generations between two finishes.
+    /// Generations between two finishes; the first one starts at the best of the first population.
     pub generations_between_finishes: u32,
     /// Evaluations of the model after which the search gives up.
     pub budget: u32,
@@ -68,7 +68,8 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
     /// The start of an identification of `problem.free` from a seed.
     pub fn new(problem: &Problem<'_, T>, settings: Settings<T>, seed: u64) -> Self {
         let search = SteadyState::new(settings.search, problem.free.len(), seed);
-        let next_finish = search.population() as u32 * (1 + settings.generations_between_finishes);
+        // The best of the first population is often in the basin already; its finish is cheap, and tells.
+        let next_finish = search.population() as u32;
         Self { settings, search, polished: None, evaluations: 0, next_finish, stop: None }
     }
 

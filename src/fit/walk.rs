@@ -5,7 +5,7 @@ use crate::integrate::{Run, Stepper};
 use crate::model::Model;
 use crate::model::state::{Input, InputSegment, Outputs};
 use crate::scalar::Real;
-use crate::simulate::{Actuator, Motion};
+use crate::simulate::{Actuator, Follower, Motion};
 
 /// A model's place in a record.
 #[derive(Clone, Copy, Debug)]
@@ -31,6 +31,17 @@ impl<T: Real> Walk<T> {
         record: &Record<'_, T>,
         stepper: &mut S,
     ) -> Option<(usize, Outputs<T>)> {
+        self.lead(record, stepper, &mut [])
+    }
+
+    /// The same with followers, which start anew where the walk does.
+    #[inline]
+    pub fn lead<S: Stepper<T>>(
+        &mut self,
+        record: &Record<'_, T>,
+        stepper: &mut S,
+        followers: &mut [Option<Follower<T>>],
+    ) -> Option<(usize, Outputs<T>)> {
         let sample = self.sample;
         let command = *record.command.get(sample)?;
         let force_at = |index: usize| record.force.get(index).copied().unwrap_or(T::ZERO);
@@ -39,6 +50,9 @@ impl<T: Real> Walk<T> {
             input = Input { command, command_rate: T::ZERO, force: force_at(sample) };
             let start = record.starts.get(sample / record.stretch.max(1)).copied().unwrap_or_default();
             self.motion = self.started(&start, &input);
+            for follower in followers.iter_mut().flatten() {
+                follower.restart(self.motion.user);
+            }
         } else {
             let previous = record.command.get(sample - 1).copied().unwrap_or(command);
             let segment = InputSegment::between(
@@ -47,7 +61,7 @@ impl<T: Real> Walk<T> {
                 record.sample_period * T::from_count(sample as u32 - 1),
                 self.sample_rate,
             );
-            self.actuator.advance(stepper, &mut self.motion, &segment);
+            self.actuator.lead(stepper, &mut self.motion, &segment, followers);
             input = Input { command, force: force_at(sample), ..segment.start };
         }
         self.sample += 1;
@@ -64,6 +78,11 @@ impl<T: Real> Walk<T> {
         state.ram_velocity = start.velocity;
         mode.jack = if start.velocity < T::ZERO { -1 } else { 1 };
         Motion::resuming(Run::starting(model, state, mode, input), start.ram)
+    }
+
+    /// What is walked along the record.
+    pub const fn actuator(&self) -> &Actuator<T> {
+        &self.actuator
     }
 
     /// Mode changes and steps so far.

@@ -4,9 +4,12 @@
 //! integrator looks at the guards before and after a step; where one turns negative it goes to the crossing and calls
 //! [`Model::switch`]. Guards of limits are relative to the limit, so one tolerance serves all.
 
+use super::controller::Controller;
+use super::fluid::Fluid;
 use super::play::in_contact;
 use super::state::{Input, Mode, State, side};
-use super::{Drive, Model, ValveForm};
+use super::valve::{PilotStage, Spool};
+use super::{Drive, Form, Model, ValveForm};
 use crate::scalar::Real;
 
 /// Number of guards of the plain loop.
@@ -42,9 +45,36 @@ fn sign_of<T: Real>(value: T) -> i8 {
 
 /// A limit on the magnitude of `value`: inside in mode 0, outside on the mode's side otherwise.
 #[inline(always)]
-fn limit_guard<T: Real>(mode: i8, value: T, limit: T) -> T {
+fn limit_guard<T: Real>(mode: i8, value: T, limit: T, scale: T) -> T {
     let over = if mode == 0 { limit - value.magnitude() } else { side::<T>(mode) * value - limit };
-    over / limit
+    over * scale
+}
+
+/// 1 over the limits that are looked at in every step: a division there would be the slowest part of it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Scales<T> {
+    current: T,
+    /// Of the flapper's stop, or of the rate limit of the first-order valve.
+    flapper: T,
+    supply: T,
+}
+
+impl<T: Real> Scales<T> {
+    /// The scales of a model's limits.
+    pub(super) fn of(
+        form: Form,
+        controller: &Controller<T>,
+        pilot: &PilotStage<T>,
+        spool: &Spool<T>,
+        fluid: &Fluid<T>,
+    ) -> Self {
+        let flapper = if form.valve == ValveForm::FirstOrder { spool.rate_limit } else { pilot.stop };
+        Self {
+            current: T::ONE / controller.current_limit,
+            flapper: T::ONE / flapper,
+            supply: T::ONE / fluid.supply,
+        }
+    }
 }
 
 impl<T: Real> Model<T> {
@@ -94,12 +124,16 @@ impl<T: Real> Model<T> {
         if self.form.drive == Drive::Force {
             return guards;
         }
-        guards[CURRENT] =
-            limit_guard(mode.current, self.demand(mode, z, input), self.controller.current_limit);
+        guards[CURRENT] = limit_guard(
+            mode.current,
+            self.demand(mode, z, input),
+            self.controller.current_limit,
+            self.scales.current,
+        );
         if self.form.valve == ValveForm::FirstOrder {
             let (_, force, _) = self.flapper_now(mode, z, input);
             let rate = self.spool.bandwidth * (self.pilot.balanced_spool(force) - z.spool);
-            guards[FLAPPER] = limit_guard(mode.flapper, rate, self.spool.rate_limit);
+            guards[FLAPPER] = limit_guard(mode.flapper, rate, self.spool.rate_limit, self.scales.flapper);
             if mode.spool_slides() {
                 guards[SPOOL_STOP] = self.spool.stop - z.spool.magnitude();
             } else {
@@ -107,8 +141,12 @@ impl<T: Real> Model<T> {
             }
         } else {
             let flapper = self.flapper_guards(mode, z, input, &mut guards);
-            guards[FIRST_STAGE] =
-                limit_guard(mode.first_stage, self.pilot.pressure_gain * flapper, self.fluid_now(z).supply);
+            guards[FIRST_STAGE] = limit_guard(
+                mode.first_stage,
+                self.pilot.pressure_gain * flapper,
+                self.fluid_now(z).supply,
+                self.scales.supply,
+            );
             let spool_force = self.spool.area * self.first_stage_pressure(mode, z, flapper, T::ONE);
             match mode.spool {
                 0 => guards[SPOOL] = self.spool.breakaway - spool_force.magnitude(),
@@ -134,7 +172,7 @@ impl<T: Real> Model<T> {
     ) -> T {
         if self.form.valve.has_flapper_state() {
             guards[FLAPPER] = if mode.flapper == 0 {
-                limit_guard(0, z.flapper, self.pilot.stop)
+                limit_guard(0, z.flapper, self.pilot.stop, self.scales.flapper)
             } else {
                 let (_, force, sensed) = self.flapper_now(mode, z, input);
                 side::<T>(mode.flapper) * self.pilot.static_force(force, sensed, z.flapper)
@@ -143,7 +181,7 @@ impl<T: Real> Model<T> {
         } else {
             let (flapper, force, sensed) = self.flapper_now(mode, z, input);
             let balance = self.pilot.balanced_position(force, sensed);
-            guards[FLAPPER] = limit_guard(mode.flapper, balance, self.pilot.stop);
+            guards[FLAPPER] = limit_guard(mode.flapper, balance, self.pilot.stop, self.scales.flapper);
             flapper
         }
     }
@@ -155,13 +193,13 @@ impl<T: Real> Model<T> {
         if self.fluid.is_compressible() {
             let limit = if self.fluid.is_linear() { fluid.supply } else { fluid.cavitation_limit() };
             if mode.pressure == 0 {
-                limit_guard(0, z.pressure, limit)
+                limit_guard(0, z.pressure, limit, self.scales.supply)
             } else {
                 side::<T>(mode.pressure) * fluid.pressure_rate(opening, z.ram_velocity, z.pressure)
             }
         } else if self.fluid.is_linear() {
             let pressure = fluid.linear_pressure(opening, z.ram_velocity);
-            limit_guard(mode.pressure, pressure, fluid.supply)
+            limit_guard(mode.pressure, pressure, fluid.supply, self.scales.supply)
         } else {
             T::ONE
         }
@@ -171,7 +209,8 @@ impl<T: Real> Model<T> {
     pub fn extra_guards(&self, mode: &Mode, z: &State<T>, input: &Input<T>, time: T) -> [T; EXTRA_GUARDS] {
         let mut guards = [T::ONE; EXTRA_GUARDS];
         if self.spool.overlap != T::ZERO {
-            guards[OVERLAP - LOOP_GUARDS] = limit_guard(mode.overlap, z.spool, self.spool.overlap);
+            guards[OVERLAP - LOOP_GUARDS] =
+                limit_guard(mode.overlap, z.spool, self.spool.overlap, T::ONE / self.spool.overlap);
         }
         if self.jack.has_step_load() && mode.step_load == 0 {
             guards[STEP_LOAD - LOOP_GUARDS] = self.jack.step_load_time - time;
@@ -181,7 +220,12 @@ impl<T: Real> Model<T> {
         }
         if !self.controller.is_proportional() {
             guards[INTEGRAL - LOOP_GUARDS] = if mode.integral == 0 {
-                limit_guard(0, z.integral, self.controller.integral_limit)
+                limit_guard(
+                    0,
+                    z.integral,
+                    self.controller.integral_limit,
+                    T::ONE / self.controller.integral_limit,
+                )
             } else {
                 side::<T>(mode.integral) * (input.command - self.fed_back(z))
             };

@@ -26,6 +26,7 @@ use crate::parameter::{Parameter, Parameters, Reach};
 use crate::scalar::Real;
 use controller::Controller;
 use curved::Curved;
+use events::Scales;
 pub use events::{EXTRA_GUARDS, LOOP_GUARDS};
 use fluid::Fluid;
 use jack::Jack;
@@ -87,6 +88,7 @@ pub struct Model<T> {
     parameters: Parameters<T>,
     /// Asked at every step, so found out once.
     has_extra_guards: bool,
+    scales: Scales<T>,
     /// Controller.
     pub controller: Controller<T>,
     /// Torque motor, flapper and first stage.
@@ -102,14 +104,18 @@ pub struct Model<T> {
 impl<T: Real> Model<T> {
     /// A model of a form with parameters.
     pub fn new(form: Form, parameters: &Parameters<T>) -> Self {
+        let (controller, pilot) = (Controller::new(parameters), PilotStage::new(parameters));
+        let spool = Spool::new(parameters);
+        let fluid = Fluid::new(parameters, parameters.supply_ratio);
         let mut model = Self {
             form,
             parameters: *parameters,
             has_extra_guards: false,
-            controller: Controller::new(parameters),
-            pilot: PilotStage::new(parameters),
-            spool: Spool::new(parameters),
-            fluid: Fluid::new(parameters, parameters.supply_ratio),
+            scales: Scales::of(form, &controller, &pilot, &spool, &fluid),
+            controller,
+            pilot,
+            spool,
+            fluid,
             jack: Jack::new(parameters),
         };
         model.has_extra_guards =

@@ -33,6 +33,8 @@ pub(crate) struct Trace {
     pub(crate) flapper: Vec<f64>,
     pub(crate) spool: Vec<f64>,
     pub(crate) velocity: Vec<f64>,
+    /// Steps of the integrator; 0 for the plant.
+    pub(crate) steps: u32,
 }
 
 /// Root mean square differences of two traces.
@@ -102,6 +104,7 @@ impl Rig {
             flapper: record.flapper,
             spool: record.spool,
             velocity: Vec::new(),
+            steps: 0,
         }
     }
 }
@@ -256,6 +259,7 @@ pub(crate) fn simulate_begun<T: Real + Into<f64>, S: Stepper<T>>(
         trace.spool.push(motion.run.state.spool.into());
         trace.velocity.push(motion.run.state.ram_velocity.into());
     }
+    trace.steps = motion.run.steps;
     trace
 }
 

@@ -1,6 +1,7 @@
 //! The jobs of the continuous integration, one sub-command each: what it runs, anyone can run.
 
 mod job;
+mod peers;
 mod setup;
 
 use clap::{Parser, Subcommand};
@@ -31,6 +32,9 @@ enum Task {
     Test,
     /// Link the release firmware for every board, panic check included.
     Firmware,
+    /// Run the monitor beside other programs on the same records and print one table; installs what they need.
+    /// Not part of `ci`.
+    Peers,
 }
 
 impl Task {
@@ -45,6 +49,7 @@ impl Task {
             Self::Doc => job::doc(),
             Self::Test => job::test(),
             Self::Firmware => job::firmware(),
+            Self::Peers => peers::run(),
         }
     }
 }

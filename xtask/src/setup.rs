@@ -44,19 +44,26 @@ fn has_target() -> bool {
 
 /// A program that has the name of its package.
 fn program(name: &str) -> Result<(), Failure> {
-    if has(name) {
+    packages(&[name], || has(name))
+}
+
+/// Installs Debian's packages, unless what they bring is there already.
+pub(crate) fn packages(names: &[&str], is_there: impl Fn() -> bool) -> Result<(), Failure> {
+    if is_there() {
         return Ok(());
     }
-    let install = ["install", "-y", "--no-install-recommends", name];
+    let mut install = vec!["install", "-y", "--no-install-recommends"];
+    install.extend(names);
     if is_root() && has("apt-get") {
         let installed = job::run(Command::new("apt-get").arg("update"))
-            .and_then(|()| job::run(Command::new("apt-get").args(install)));
-        if installed.is_ok() && has(name) {
+            .and_then(|()| job::run(Command::new("apt-get").args(&install)));
+        if installed.is_ok() && is_there() {
             return Ok(());
         }
     }
     Err(Failure::Missing(format!(
-        "{name} is not installed: as root, run `apt-get update && apt-get {}`, or the like of it where there is no apt",
+        "{} is not installed: as root, run `apt-get update && apt-get {}`, or the like of it where there is no apt",
+        names.join(", "),
         install.join(" ")
     )))
 }
@@ -72,7 +79,7 @@ fn is_root() -> bool {
 }
 
 /// What a command prints, without the white space around it; none where it fails or does not exist.
-fn output(command: &mut Command) -> Option<String> {
+pub(crate) fn output(command: &mut Command) -> Option<String> {
     let output = command.output().ok().filter(|output| output.status.success())?;
     Some(String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }
