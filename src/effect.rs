@@ -96,6 +96,13 @@ pub const EFFECTS: &[EffectInfo] = &[
         &[1e-5],
     ),
     entry(
+        "flow-asymmetry",
+        Port::Fluid,
+        "XS (1 + af sgn(XS)) into the fluid",
+        &[Parameter::FlowAsymmetry],
+        &[0.02],
+    ),
+    entry(
         "turbulent-metering",
         Port::Fluid,
         "AJ v = GQ XS ((1-b) + b sqrt((PSR - sgn(XS) P12)/PSR0)) - (1/GPQ + Clk) P12",

@@ -124,6 +124,7 @@ parameters! {
     spool_friction SpoolFriction "FSS" "N" 7.0 [0.0, 500.0] Constant "breakaway friction of the spool";
     spool_friction_ratio SpoolFrictionRatio "FSDS" "1" 1.2 [1.0, 10.0] Constant "breakaway over sliding friction of the spool";
     spool_stop SpoolStop "XSM" "m" 0.6e-3 [1e-5, 0.1] Constant "end stop of the spool";
+    flow_asymmetry FlowAsymmetry "af" "1" 0.0 [-0.5, 0.5] Dynamics "opening of the spool times 1 + af sgn(XS)";
     spool_overlap SpoolOverlap "OVL" "m" 0.0 [0.0, 1e-4] Constant "half width of the spool's dead zone";
     valve_bandwidth ValveBandwidth "" "rad/s" 155.0 [1.0, 1e4] Dynamics "first-order valve: 1 over its lag";
     valve_rate_limit ValveRateLimit "" "m/s" 19.4e-3 [1e-4, 1e3] Constant "first-order valve: slew rate of the spool";

@@ -30,6 +30,7 @@ const TABLE: &[Row] = &[
     ("filter-clogging", &[(P::FilterClogging, 0.3)], 0.02, true),
     ("spool-friction", &[(P::SpoolFriction, 14.0)], 0.02, true),
     ("spool-overlap", &[(P::SpoolOverlap, 1e-5)], 0.02, true),
+    ("flow-asymmetry", &[(P::FlowAsymmetry, 0.05)], 0.02, true),
     ("turbulent-metering", &[(P::MeteringBlend, 0.5)], 0.02, false),
     ("pressure-gain", &[(P::PressureGain, 5e10)], 0.02, true),
     ("leakage", &[(P::Leakage, 1e-12)], 0.02, true),

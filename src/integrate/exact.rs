@@ -135,7 +135,7 @@ impl<T: Real, const N: usize, const SLOTS: usize> Exact<T, N, SLOTS> {
     /// Finds or makes the ladder of a mode, and the constant terms of the mode on it.
     #[cold]
     fn prepare(&mut self, model: &Model<T>, mode: &Mode) {
-        let key = mode.key(false);
+        let key = mode.key(model.has_directed_matrices());
         if !self.occupied(self.slot, key) {
             self.slot = (0..SLOTS).find(|&slot| self.occupied(slot, key)).unwrap_or_else(|| {
                 let slot = self.next;
@@ -167,6 +167,6 @@ impl<T: Real, const N: usize> Ladder<T, N> {
             }
             growth.rung()
         });
-        Self { key: mode.key(false), rungs }
+        Self { key: mode.key(model.has_directed_matrices()), rungs }
     }
 }

@@ -211,6 +211,8 @@ impl<T: Real> Model<T> {
         if self.spool.overlap != T::ZERO {
             guards[OVERLAP - LOOP_GUARDS] =
                 limit_guard(mode.overlap, z.spool, self.spool.overlap, T::ONE / self.spool.overlap);
+        } else if self.spool.has_sides() {
+            guards[OVERLAP - LOOP_GUARDS] = side::<T>(mode.overlap) * z.spool / self.spool.stop;
         }
         if self.jack.has_step_load() && mode.step_load == 0 {
             guards[STEP_LOAD - LOOP_GUARDS] = self.jack.step_load_time - time;
@@ -327,6 +329,8 @@ impl<T: Real> Model<T> {
                 z.ram_rest = T::ZERO;
                 z.ram_velocity = T::ZERO;
             }
+            // Without a dead zone the other side follows at once.
+            OVERLAP if self.spool.overlap == T::ZERO => mode.overlap = -mode.overlap,
             OVERLAP => mode.overlap = toggled(mode.overlap, z.spool),
             INTEGRAL => {
                 mode.integral = toggled(mode.integral, z.integral);

@@ -119,7 +119,7 @@ impl<T: Real> Model<T> {
             jack: Jack::new(parameters),
         };
         model.has_extra_guards =
-            model.order() == FULL_ORDER || model.spool.overlap != T::ZERO || model.jack.has_step_load();
+            model.order() == FULL_ORDER || model.spool.has_sides() || model.jack.has_step_load();
         model
     }
 
@@ -141,9 +141,10 @@ impl<T: Real> Model<T> {
         self.fluid.is_linear() && self.jack.is_affine() && self.parameters.supply_sag == T::ZERO
     }
 
-    /// Do transition matrices depend on directions, as those of a supply that sags with the speed of the ram do?
+    /// Do transition matrices depend on directions, as those of a supply that sags with the speed of the ram, and of
+    /// a spool that opens more on one side, do?
     pub fn has_directed_matrices(&self) -> bool {
-        self.parameters.supply_sag != T::ZERO
+        self.parameters.supply_sag != T::ZERO || self.spool.asymmetry != T::ZERO
     }
 
     /// Number of leading entries of the state that this model moves.

@@ -268,6 +268,7 @@ impl Mode {
             | ((self.user_play != 0) as u16) << 10
             | ((directed && self.jack < 0) as u16) << 11
             | ((directed && self.first_stage < 0) as u16) << 12
+            | ((directed && self.overlap < 0) as u16) << 13
     }
 
     /// Does the spool move?

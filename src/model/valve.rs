@@ -105,6 +105,8 @@ pub struct Spool<T> {
     pub stop: T,
     /// Half width of the dead zone, m.
     pub overlap: T,
+    /// The opening counts `1 + asymmetry` times on the positive side, `1 - asymmetry` times on the other.
+    pub asymmetry: T,
     /// First-order valve: bandwidth, rad/s.
     pub bandwidth: T,
     /// First-order valve: rate limit, m/s.
@@ -124,6 +126,7 @@ impl<T: Real> Spool<T> {
             sliding: p.spool_friction / p.spool_friction_ratio,
             stop: p.spool_stop,
             overlap: p.spool_overlap,
+            asymmetry: p.flow_asymmetry,
             bandwidth: p.valve_bandwidth,
             rate_limit: p.valve_rate_limit,
         }
@@ -135,15 +138,21 @@ impl<T: Real> Spool<T> {
         (self.area * first_stage_pressure - direction * self.sliding * one) * self.mobility
     }
 
+    /// Is the law of the opening another one on each side of the centre?
+    #[inline(always)]
+    pub fn has_sides(&self) -> bool {
+        self.overlap != T::ZERO || self.asymmetry != T::ZERO
+    }
+
     /// Opening past the dead zone, m, on a side of it (0 inside).
     #[inline(always)]
     pub fn opening(&self, spool: T, side: T, one: T) -> T {
-        if self.overlap == T::ZERO {
+        if !self.has_sides() {
             spool
         } else if side == T::ZERO {
             T::ZERO
         } else {
-            spool - side * self.overlap * one
+            (spool - side * self.overlap * one) * (T::ONE + side * self.asymmetry)
         }
     }
 }

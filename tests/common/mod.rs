@@ -165,6 +165,7 @@ pub(crate) fn plant(rig: &Rig) -> Plant {
     };
     let effects = Effects {
         spool_overlap: p.spool_overlap,
+        flow_asymmetry: p.flow_asymmetry,
         turbulent_metering: p.metering_blend,
         supply_sag: p.supply_sag,
         bulk_modulus: (p.oil_compliance > 0.0).then(|| 1.0 / p.oil_compliance),

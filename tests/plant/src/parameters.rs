@@ -166,6 +166,8 @@ impl Default for Parameters {
 pub struct Effects {
     /// `spool-overlap`: half width of the dead zone on the spool position (m).
     pub spool_overlap: f64,
+    /// `flow-asymmetry`: the opening of the spool counts `1 + a` times for positive, `1 - a` times for negative ones.
+    pub flow_asymmetry: f64,
     /// `turbulent-metering`: 0 linear fluid, 1 square-root fluid.
     pub turbulent_metering: f64,
     /// `supply-sag`: loss of relative pressure per velocity (s/m), lagged by 50 ms.

@@ -165,7 +165,8 @@ impl Equations<'_> {
         let (p, e) = (self.p, self.e);
         let k = self.supply(s);
         let spool = sat(s.spool, p.spool_stop);
-        let opening = spool - sat(spool, e.spool_overlap);
+        let past = spool - sat(spool, e.spool_overlap);
+        let opening = past * (1.0 + e.flow_asymmetry * past.signum());
         // The root of the metering form holds the supply already; its flow gain is the nominal one.
         let (linear, turbulent) = (p.flow_gain * k.sqrt() * opening, p.flow_gain * opening);
         let total_leakage = p.flow_gain / p.pressure_gain / k.sqrt() + p.leakage;

@@ -7,7 +7,7 @@ use reference_plant::{
 #[test]
 fn every_effect_changes_the_record() {
     type Change = fn(&mut Parameters, &mut Effects);
-    let changes: [(&str, Change); 33] = [
+    let changes: [(&str, Change); 34] = [
         ("valve-offset", |p, _| p.valve_offset = 0.1),
         ("torque-motor-hysteresis", |p, _| p.motor_hysteresis = 0.1),
         ("torque-motor-gain", |p, _| p.motor_gain *= 0.9),
@@ -15,6 +15,7 @@ fn every_effect_changes_the_record() {
         ("filter-clogging", |p, _| p.filter_clogging = 0.3),
         ("spool-friction", |p, _| p.spool_friction = 14.0),
         ("spool-overlap", |_, e| e.spool_overlap = 1e-5),
+        ("flow-asymmetry", |_, e| e.flow_asymmetry = 0.05),
         ("turbulent-metering", |_, e| e.turbulent_metering = 0.5),
         ("pressure-gain", |p, _| p.pressure_gain *= 0.5),
         ("leakage", |p, _| p.leakage = 1e-12),
