@@ -42,7 +42,7 @@ pub struct Trial {
     pub command: &'static CommandInfo,
     /// Its amplitude, m (ramp: m/s); 0 where the shape fixes it.
     pub amplitude: f64,
-    /// Its duration, s.
+    /// Its duration, s; it is flown again until it is as long as the record.
     pub duration_s: f64,
     /// Share of the samples in which the current is at its limit: there, sensitivities are large on paper and hang on
     /// the details of the limit.
@@ -102,7 +102,8 @@ impl Question<'_> {
             return Vec::new();
         }
         let period = record.sample_period_s();
-        let duration_s = (record.len() as f64 * period).min(LONGEST_S);
+        let record_s = record.len() as f64 * period;
+        let duration_s = record_s.min(LONGEST_S);
         let set: Vec<usize> = (0..MEASURED).filter(|&index| self.noise[index].is_finite()).collect();
         let trials: Vec<(&CommandInfo, f64)> = COMMANDS
             .iter()
@@ -129,7 +130,10 @@ impl Question<'_> {
                 let record = flown(info.name, &excitation).ok()?;
                 let prepared = fit::prepare(self.rig, &record, self.noise_used()[0]);
                 let full = self.imagined(&prepared, &record)?;
-                let standard_errors = self.standard_errors(&full, &set);
+                // Flown again until it is as long as the record, a command says as much more each time.
+                let again = (duration_s / (record_s.max(duration_s))).sqrt();
+                let standard_errors =
+                    self.standard_errors(&full, &set).iter().map(|error| error * again).collect();
                 let limit = 0.999 * self.rig.parameters.current_limit;
                 let current = full.measured(2);
                 let saturated = current.iter().filter(|value| value.abs() >= limit).count();

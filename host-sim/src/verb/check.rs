@@ -230,7 +230,9 @@ fn print(ranges: &[Range], one: &Checked) -> Result<(), Failure> {
     if one.trials.is_empty() {
         return Ok(());
     }
-    output::print("\nbuilt-in commands of the same length, with the channels of the record, best first:")?;
+    output::print(
+        "\nbuilt-in commands, again and again for as long as the record, with its channels, best first:",
+    )?;
     header.splice(0..2, ["command".to_owned(), "amplitude".to_owned(), "current at its limit".to_owned()]);
     let mut table = output::table(&header);
     for trial in one.trials.iter().take(SHOWN) {

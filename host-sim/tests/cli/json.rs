@@ -15,6 +15,7 @@ fn every_verb_prints_one_object() {
         &["simulate", "--model", "lf", "--step", "1e-5", "-o", "new.csv"],
         &["import", "record.csv"],
         &["import", "record.csv", "--out", "imported"],
+        &["check", "record.csv"],
         &["identify", "record.csv"],
         &["calibrate", "record.csv", "--rig", "eha", "--bounds", "fdj=0..2000", "--bounds", "bkl=0..1e-3"],
         &["reproduce", "--lf-data", "--cases-only"],
