@@ -21,7 +21,7 @@ fn simulate(directory: &Path, name: &str, arguments: &[&str]) -> PathBuf {
     let file = directory.join(name);
     let noise = ["--noise", "lvdt_m=5e-6,current_mA=0.02", "--channels", "lvdt_m,current_mA", "-o"];
     let faults = ["simulate", "--set", "bkl=2e-4", "--set", "fdj=800"];
-    host_sim(&[&faults[..], arguments, &noise[..]].concat(), &[file.clone()]);
+    host_sim(&[&faults[..], arguments, &noise[..]].concat(), std::slice::from_ref(&file));
     file
 }
 

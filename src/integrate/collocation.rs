@@ -3,7 +3,7 @@
 //! Inside a mode the model is `z' = A z + b u + c + e r(z)`: the affine rate, and what metering, Stribeck friction and
 //! the like add to it at one or two places. Over a step `r` is taken as the parabola through its values at the start,
 //! the middle and the end, and the affine model answers a parabola exactly, by matrices (see
-//! [`ladder`](super::ladder)). The values at the middle and the end are those of the model at the states that follow
+//! `ladder.rs`). The values at the middle and the end are those of the model at the states that follow
 //! from them: Newton's method finds them. The fast balance of ram and oil needs no short steps so: it is in `A`, and
 //! in Newton's slopes where metering changes it.
 //!

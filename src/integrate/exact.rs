@@ -1,6 +1,6 @@
 //! Exact steps of a piecewise affine model.
 //!
-//! Inside a mode a step of any length is one matrix product (see [`ladder`](super::ladder)). A *ladder* holds the
+//! Inside a mode a step of any length is one matrix product (see `ladder.rs`). A *ladder* holds the
 //! products for four lengths, each a quarter of the one above: a whole sample where nothing happens, shorter ones
 //! around an event. The matrices depend on the rig; `FDJ` and `BKL` do not change them, so one set of ladders serves
 //! every candidate of a search.

@@ -17,7 +17,7 @@
 //! and not on noise. Where it is missing (the first window, after a gap) the model starts at rest at the first measured
 //! position.
 //!
-//! **What a window must ask.** The offset of each sensor is taken out (see [`sums`]); the standard errors that the
+//! **What a window must ask.** The offset of each sensor is taken out (see `sums.rs`); the standard errors that the
 //! normal equations then predict say whether the window tells an alarmed fault from a healthy one. They are local: without
 //! a reversal of the ram, friction of the spool leaves several places that fit as well, so a reversal is asked for
 //! besides. If no fault is told, the window is called uninformative and nothing is claimed.

@@ -53,6 +53,12 @@ pub(crate) fn test() -> Result<(), Failure> {
     run(cargo().args(["test", "--locked", "--workspace"]))
 }
 
+/// Makes the table of what `diagnose` makes of every effect.
+pub(crate) fn confusion() -> Result<(), Failure> {
+    let test = ["test", "--locked", "--package", "host-sim", "--test", "confusion"];
+    run(cargo().args(test).args(["--", "--ignored", "write_the_table"]))
+}
+
 /// Links the release firmware for every board. The emulated boards share one image here, which leaves out what only
 /// one of their processors can do; the tests build one for each.
 pub(crate) fn firmware() -> Result<(), Failure> {

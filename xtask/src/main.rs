@@ -32,6 +32,8 @@ enum Task {
     Test,
     /// Link the release firmware for every board, panic check included.
     Firmware,
+    /// Make `docs/confusion.md` anew: what `diagnose` makes of every effect of the catalogue. Some ten minutes.
+    Confusion,
     /// Run the monitor beside other programs on the same records and print one table; installs what they need.
     /// Not part of `ci`.
     Peers,
@@ -49,6 +51,7 @@ impl Task {
             Self::Doc => job::doc(),
             Self::Test => job::test(),
             Self::Firmware => job::firmware(),
+            Self::Confusion => job::confusion(),
             Self::Peers => peers::run(),
         }
     }

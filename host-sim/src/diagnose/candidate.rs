@@ -148,7 +148,7 @@ impl Prospect {
     pub(super) fn fit(
         &self,
         rig: &Rig,
-        start: Vec<f64>,
+        start: &[f64],
         records: &[Prepared],
         noise: [f64; 4],
     ) -> Option<Candidate> {

@@ -77,8 +77,8 @@ impl Hypothesis {
         let joint = if case.holdout().is_empty() {
             train.clone()
         } else {
-            let start = train.values.clone();
-            fit::polish(&rig, &ranges, start, case.records, case.noise).unwrap_or_else(|| train.clone())
+            fit::polish(&rig, &ranges, &train.values, case.records, case.noise)
+                .unwrap_or_else(|| train.clone())
         };
         let predictions = fit::predict(&joint.applied(&rig, &ranges), case.records);
         Self { rig, ranges, train, joint, predictions, added }
@@ -174,7 +174,7 @@ impl Hypothesis {
         let mut candidates: Vec<Candidate> = near
             .into_par_iter()
             .filter(|_| !interrupt::requested())
-            .filter_map(|(prospect, near)| prospect.fit(&self.rig, near.values, case.train(), case.noise))
+            .filter_map(|(prospect, near)| prospect.fit(&self.rig, &near.values, case.train(), case.noise))
             .collect();
         candidates.sort_by(|a, b| a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square));
         candidates
@@ -219,9 +219,9 @@ impl Hypothesis {
         }
         let mut ranges = self.ranges.clone();
         ranges.retain(|range| !effect.parameters.contains(&range.parameter));
-        let start = ranges.iter().map(|range| rig.parameters.get(range.parameter)).collect();
-        let train =
-            fit::polish(&rig, &ranges, start, case.train(), case.noise).unwrap_or_else(|| self.train.clone());
+        let start: Vec<f64> = ranges.iter().map(|range| rig.parameters.get(range.parameter)).collect();
+        let train = fit::polish(&rig, &ranges, &start, case.train(), case.noise)
+            .unwrap_or_else(|| self.train.clone());
         let rig = train.applied(&rig, &ranges);
         Self::validated(case, rig, ranges, train, added)
     }

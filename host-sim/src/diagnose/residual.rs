@@ -44,7 +44,7 @@ pub fn of_channels(
     std::array::from_fn(|channel| test(&series(records, predictions, channel)))
 }
 
-/// Fall of chi-square from one model's predictions to another's, in each of some [`BLOCKS`] blocks of the records.
+/// Fall of chi-square from one model's predictions to another's, in each of some 64 blocks of the records.
 pub fn gains(
     records: &[Prepared],
     before: &[Vec<Outputs<f64>>],

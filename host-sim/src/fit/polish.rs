@@ -61,7 +61,7 @@ pub fn approach(
 pub fn polish(
     rig: &Rig,
     ranges: &[Range],
-    start: Vec<f64>,
+    start: &[f64],
     records: &[Prepared],
     noise: [f64; 4],
 ) -> Option<Polished> {
@@ -69,7 +69,7 @@ pub fn polish(
     let go = |ranges: &[Range], start: &[f64]| {
         on_records(rig, ranges, records, noise, FIT_TOLERANCE, Polish { start, steps: settings.steps })
     };
-    let found = go(ranges, &start)?;
+    let found = go(ranges, start)?;
     let narrow: Vec<Range> = ranges
         .iter()
         .enumerate()

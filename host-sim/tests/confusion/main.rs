@@ -1,49 +1,63 @@
-//! What `diagnose` makes of every effect of the catalogue: records of the independent plant, with the effect at half,
-//! once and several times the size from which statistics can see it.
+//! What `diagnose` makes of every effect of the catalogue, alone and in pairs, and of what is not in it: records of the
+//! independent plant, with the effect at half, once and twice the size from which statistics can see it.
+//!
+//! `docs/confusion.md` is the result. `cargo xtask confusion` makes it anew, which takes some ten minutes; the tests make
+//! a part of it and compare.
 
-mod cases;
 #[path = "../../../tests/common/mod.rs"]
 mod common;
+
+mod cases;
 mod floor;
+mod table;
 
-use cases::{CHANNEL_SETS, Case, Outcome};
+use cases::{CHANNEL_SETS, Case};
 use eha_monitor::effect::EFFECTS;
-use rayon::prelude::*;
-use std::io::Write as _;
+use std::path::PathBuf;
+use table::Row;
 
-/// Development: `EFFECTS=a,b SIZES=1,2 SETS=0,1,2 SEEDS=2 cargo test --release ... -- --ignored --nocapture`.
+/// Effects of which the tests make the row, one in so many.
+const SHARE: usize = 5;
+
+fn document() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs/confusion.md")
+}
+
 #[test]
-#[ignore = "a study that takes long"]
-fn study() {
-    let list = |name: &str, default: &str| -> Vec<String> {
-        std::env::var(name).unwrap_or_else(|_| default.to_owned()).split(',').map(str::to_owned).collect()
-    };
-    let names = list("EFFECTS", "");
-    let all: Vec<&str> = EFFECTS.iter().map(|effect| effect.name).chain(["clean"]).collect();
-    let mut cases = Vec::new();
-    for name in if names[0].is_empty() { all.iter().map(|s| (*s).to_owned()).collect() } else { names } {
-        for set in list("SETS", "0,1,2") {
-            for size in list("SIZES", "2") {
-                for seed in 0..list("SEEDS", "1")[0].parse::<u64>().unwrap() {
-                    cases.push(Case::new(
-                        &name,
-                        size.parse().unwrap(),
-                        &CHANNEL_SETS[set.parse::<usize>().unwrap()],
-                        seed,
-                    ));
-                }
-            }
-        }
+#[ignore = "the whole table takes some ten minutes"]
+fn write_the_table() {
+    let sections = table::sections();
+    let text = table::document(&sections);
+    print!("{text}");
+    std::fs::write(document(), text).unwrap();
+}
+
+#[test]
+fn a_part_of_the_table_is_as_documented() {
+    let documented = std::fs::read_to_string(document()).unwrap();
+    let effects = EFFECTS.iter().step_by(SHARE).map(|effect| effect.name);
+    let rows = effects.map(|name| Row::single(name, &CHANNEL_SETS[1])).chain([Row::clean(&CHANNEL_SETS[1])]);
+    for row in rows {
+        let line = row.line();
+        assert!(documented.contains(&line), "not in the document:\n{line}");
     }
-    let outcomes: Vec<Outcome> = cases
-        .par_iter()
-        .map(|case| {
-            let outcome = case.diagnose();
-            let mut out = std::io::stderr().lock();
-            writeln!(out, "{}", outcome.line(case)).unwrap();
-            outcome
-        })
-        .collect();
-    let good = outcomes.iter().filter(|outcome| outcome.right).count();
-    eprintln!("{good} of {} right", outcomes.len());
+}
+
+#[test]
+fn a_wrong_cell_is_not_as_documented() {
+    // What the comparison above would do with a claim that is not made.
+    let documented = std::fs::read_to_string(document()).unwrap();
+    let line = Row::clean(&CHANNEL_SETS[1]).line();
+    assert!(!documented.contains(&line.replace("adequate", "unexplained")));
+}
+
+#[test]
+fn an_effect_below_its_floor_is_hard_to_see() {
+    // The floor is where the expected fall of chi-square is its price, or the model's own error is reached: half of it
+    // falls short of both.
+    let case = Case::new("constant-load", 0.5, &CHANNEL_SETS[1], 0);
+    let effect = &EFFECTS[EFFECTS.iter().position(|effect| effect.name == "constant-load").unwrap()];
+    let floor = floor::of(effect, &case);
+    let (half, whole) = (floor::reach(effect, 0.5 * floor, &case), floor::reach(effect, floor, &case));
+    assert!(half < 0.6 && (0.9..1.1).contains(&whole), "{half}, {whole}");
 }
