@@ -105,7 +105,7 @@ fn searches(criterion: &mut Criterion) {
         });
     });
     criterion.bench_function("identification of two faults", |bencher| {
-        bencher.iter(|| search().run(&problem, &mut vec![Exactly::new()]));
+        bencher.iter(|| search().run(&problem, &mut [Exactly::new()]));
     });
 }
 
