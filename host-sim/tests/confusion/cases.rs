@@ -28,8 +28,11 @@ pub(crate) const CHANNEL_SETS: [ChannelSet; 3] = [
     ChannelSet { name: "all", channels: &Channel::MEASURED },
 ];
 
+/// What is done to a plant.
+type Change = fn(&mut Plant);
+
 /// What is outside the catalogue, and how the plant gets it.
-pub(crate) const OUTSIDE: [(&str, fn(&mut Plant)); 5] = [
+pub(crate) const OUTSIDE: [(&str, Change); 5] = [
     ("force of 800 N at 9 Hz", |plant| {
         plant.effects.disturbance = Tone { amplitude: 800.0, frequency: 9.0, phase: 0.3 };
     }),

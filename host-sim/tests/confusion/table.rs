@@ -60,6 +60,16 @@ impl Row {
     }
 }
 
+/// The effect and the channels of a documented row of a single effect.
+pub(crate) fn documented_single(line: &str) -> Option<(&str, &'static str, &'static ChannelSet)> {
+    let mut cells = line.split(" | ");
+    let name = cells.next()?.strip_prefix("| ")?;
+    let channels = cells.next()?;
+    let effect = EFFECTS.iter().find(|effect| effect.name == name)?;
+    let set = CHANNEL_SETS.iter().find(|set| set.name == channels)?;
+    Some((line, effect.name, set))
+}
+
 impl Outcome {
     fn cell(&self) -> String {
         match self {
