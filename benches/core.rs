@@ -105,7 +105,10 @@ fn searches(criterion: &mut Criterion) {
         });
     });
     criterion.bench_function("identification of two faults", |bencher| {
-        bencher.iter(|| search().run(&problem, &mut [Exactly::new()]));
+        bencher.iter(|| {
+            let mut steppers = vec![Exactly::new()];
+            search().run(&problem, &mut steppers)
+        });
     });
 }
 
