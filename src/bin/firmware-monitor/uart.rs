@@ -22,12 +22,15 @@ const ENABLE: u32 = 1 << 0 | 1 << 1;
 const FASTEST: u32 = 16;
 
 /// The line, which is this owner's.
-pub(crate) struct Uart(());
+pub(crate) struct Uart {
+    /// Address of its registers.
+    block: usize,
+}
 
 impl Uart {
     /// Switches it on.
     pub(crate) fn new() -> Self {
-        let mut uart = Self(());
+        let mut uart = Self { block: BASE };
         uart.set(DIVIDER, FASTEST);
         uart.set(CONTROL, ENABLE);
         uart
@@ -49,11 +52,11 @@ impl Uart {
 
     fn get(&self, register: usize) -> u32 {
         // SAFETY: the register is a word of the UART's block, which is always there and aligned.
-        unsafe { read_volatile(without_provenance_mut::<u32>(BASE).wrapping_add(register)) }
+        unsafe { read_volatile(without_provenance_mut::<u32>(self.block).wrapping_add(register)) }
     }
 
     fn set(&mut self, register: usize, value: u32) {
         // SAFETY: as above; only this owner writes.
-        unsafe { write_volatile(without_provenance_mut::<u32>(BASE).wrapping_add(register), value) }
+        unsafe { write_volatile(without_provenance_mut::<u32>(self.block).wrapping_add(register), value) }
     }
 }

@@ -21,6 +21,7 @@ pub(crate) fn take() {
 /// A large frame.
 #[cfg(feature = "negative-control-stack")]
 #[inline(never)]
+#[expect(clippy::large_stack_arrays, reason = "the overrun that the budget of the stack is to see")]
 fn stack() {
     core::hint::black_box(&mut [core::hint::black_box(0_u32); WORDS]);
 }
