@@ -14,10 +14,9 @@ use rayon::prelude::*;
 const PROMISING: f64 = 4.0;
 /// Most effects that are approached by rough fits for a hypothesis in a round, the most promising first.
 const MOST_APPROACHED: usize = 10;
-/// Most of them that are fitted.
-const MOST_FITTED: usize = 6;
-/// Most of them that are also fitted to the held-out records.
-const MOST_VALIDATED: usize = 4;
+/// Most of them that are fitted, to the fitted records and to all: more than look alike in the position alone, so that
+/// the held-out records decide among these.
+const MOST_FITTED: usize = 8;
 /// A fault whose standard error grows by this factor when an effect is fitted beside it is confounded with the effect.
 const CONFOUNDED: f64 = 5.0;
 /// Twice the logarithm of the odds (100 to 1) below which two effects are not told apart.
@@ -201,7 +200,6 @@ impl Hypothesis {
         candidates.retain(|candidate| {
             (base - candidate.fit.misfit.chi_square) / scale > self.price(candidate.effect, scale)
         });
-        candidates.truncate(MOST_VALIDATED);
         self.with(case, candidates)
     }
 

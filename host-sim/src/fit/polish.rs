@@ -44,7 +44,10 @@ const WORTH_A_STEP: f64 = 0.05;
 /// narrower range. An effect can be a ten-thousandth of the range in which it is looked for.
 const WIDEST_DIFFERENCE: f64 = 0.5;
 /// Half width of that range, in standard errors.
-const NARROW: f64 = 50.0;
+const NARROW: f64 = 100.0;
+/// Most narrower ranges, one around what the last one gave: a record whose command amplifies an error that was within
+/// the interval of the others may ask for a long way in its own.
+const MOST_NARROWED: usize = 8;
 
 /// A few steps towards the bottom of the basin, with the tolerance of a look.
 pub fn approach(
@@ -69,23 +72,36 @@ pub fn polish(
     let go = |ranges: &[Range], start: &[f64]| {
         on_records(rig, ranges, records, noise, FIT_TOLERANCE, Polish { start, steps: settings.steps })
     };
-    let found = go(ranges, start)?;
-    let narrow: Vec<Range> = ranges
-        .iter()
-        .enumerate()
-        .map(|(index, range)| {
-            let error = found.standard_error(index) * found.misfit.mean_square().max(1.0).sqrt();
-            let coarse = settings.difference * (range.upper - range.lower) > WIDEST_DIFFERENCE * error;
-            if coarse && error > 0.0 {
-                let value = found.values[index];
-                let (lower, upper) = (value - NARROW * error, value + NARROW * error);
-                Range { lower: lower.max(range.lower), upper: upper.min(range.upper), ..*range }
-            } else {
-                *range
-            }
-        })
-        .collect();
-    if narrow == ranges { Some(found) } else { go(&narrow, &found.values) }
+    let mut found = go(ranges, start)?;
+    for _ in 0..MOST_NARROWED {
+        let narrow: Vec<Range> =
+            ranges.iter().enumerate().map(|(index, range)| narrowed(*range, &found, index)).collect();
+        if narrow == ranges {
+            break;
+        }
+        found = go(&narrow, &found.values)?;
+        let at_an_edge = ranges.iter().zip(&narrow).zip(&found.values).any(|((range, narrow), value)| {
+            (narrow.lower > range.lower && *value <= narrow.lower)
+                || (narrow.upper < range.upper && *value >= narrow.upper)
+        });
+        if !at_an_edge {
+            break;
+        }
+    }
+    Some(found)
+}
+
+/// A range in which the forward difference of a fit is small against the error of what was found.
+fn narrowed(range: Range, found: &Polished, index: usize) -> Range {
+    let value = found.values[index];
+    let error = found.standard_error(index) * found.misfit.mean_square().max(1.0).sqrt();
+    let difference = Settings::<f64>::default().difference * (range.upper - range.lower);
+    if error > 0.0 && difference > WIDEST_DIFFERENCE * error {
+        let (lower, upper) = (value - NARROW * error, value + NARROW * error);
+        Range { lower: lower.max(range.lower), upper: upper.min(range.upper), ..range }
+    } else {
+        range
+    }
 }
 
 /// What the linear model at each start foresees, without going there: one evaluation of the normal equations a start.

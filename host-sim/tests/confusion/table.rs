@@ -8,6 +8,8 @@ use std::fmt::Write as _;
 const SIZES: [f64; 3] = [0.5, 1.0, 2.0];
 /// Size of each of two effects, in their floors.
 const PAIR_SIZE: f64 = 4.0;
+/// Channels of the rows that have one set of them.
+const USUAL: &ChannelSet = &CHANNEL_SETS[1];
 /// Clean actuators for each set of channels.
 const CLEAN: u64 = 8;
 /// Pairs that are studied: of different ports, of the same, one large against one small.
@@ -83,40 +85,40 @@ impl Outcome {
     }
 }
 
+/// The rows, each shown as soon as it is made.
+fn shown(rows: impl Iterator<Item = Row>) -> Vec<Row> {
+    rows.inspect(|row| eprintln!("{}", row.line())).collect()
+}
+
 /// Runs every case.
 pub(crate) fn sections() -> Vec<Section> {
-    let over_sets = |make: &dyn Fn(&'static ChannelSet) -> Row| -> Vec<Row> {
-        CHANNEL_SETS.iter().map(make).inspect(|row| eprintln!("{}", row.line())).collect()
-    };
     vec![
         Section {
             title: "Clean actuators",
             columns: &["effect", "channels", "1", "2", "3", "4", "5", "6", "7", "8"],
-            rows: over_sets(&Row::clean),
+            rows: shown(CHANNEL_SETS.iter().map(Row::clean)),
             is_right: |outcome| *outcome == Outcome::Adequate,
         },
         Section {
             title: "One effect, at half, once and twice its floor",
             columns: &["effect", "channels", "half", "once", "twice"],
-            rows: EFFECTS.iter().flat_map(|effect| over_sets(&|set| Row::single(effect.name, set))).collect(),
+            rows: shown(EFFECTS.iter().map(|effect| Row::single(effect.name, USUAL))),
             is_right: |outcome| matches!(outcome, Outcome::Named(_)),
         },
         Section {
             title: "Two effects, each at four times its floor",
             columns: &["effects", "channels", "outcome"],
-            rows: PAIRS
-                .iter()
-                .flat_map(|pair| over_sets(&|set| Row::of(pair, set, [Case::new(pair, PAIR_SIZE, set, 0)])))
-                .collect(),
+            rows: shown(
+                PAIRS.iter().map(|pair| Row::of(pair, USUAL, [Case::new(pair, PAIR_SIZE, USUAL, 0)])),
+            ),
             is_right: |outcome| matches!(outcome, Outcome::Named(_)),
         },
         Section {
             title: "Outside the catalogue",
             columns: &["what", "channels", "outcome"],
-            rows: OUTSIDE
-                .iter()
-                .flat_map(|(name, _)| over_sets(&|set| Row::of(name, set, [Case::new(name, 1.0, set, 0)])))
-                .collect(),
+            rows: shown(
+                OUTSIDE.iter().map(|(name, _)| Row::of(name, USUAL, [Case::new(name, 1.0, USUAL, 0)])),
+            ),
             is_right: |outcome| matches!(outcome, Outcome::Unexplained | Outcome::Modelled),
         },
     ]
