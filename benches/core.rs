@@ -42,7 +42,7 @@ fn simulate<T: Real, S: Stepper<T>>(model: &Model<T>, record: &Record<'_, T>, st
 }
 
 fn sample(criterion: &mut Criterion) {
-    let (command, start) = (command("chirp", SAMPLES), Start { ram: 0.0, velocity: 0.0 });
+    let (command, start) = (command("chirp", SAMPLES), Start { time: 0.0, ram: 0.0, velocity: 0.0 });
     let record = Record::new(PERIOD, &command, &start);
     let mut stepper = Exactly::new();
     stepper.begin(PERIOD, false, true);
@@ -56,8 +56,8 @@ fn sample(criterion: &mut Criterion) {
 }
 
 fn simulations(criterion: &mut Criterion) {
-    let start = Start { ram: 0.0, velocity: 0.0 };
-    let single_start = Start { ram: 0.0, velocity: 0.0 };
+    let start = Start { time: 0.0, ram: 0.0, velocity: 0.0 };
+    let single_start = Start { time: 0.0, ram: 0.0, velocity: 0.0 };
     for name in ["chirp", "sine"] {
         let double = command(name, SAMPLES);
         let single: Vec<f32> = double.iter().map(|&value| value as f32).collect();
@@ -83,18 +83,13 @@ fn searches(criterion: &mut Criterion) {
         Free { parameter: Parameter::Backlash, lower: 0.0, upper: 1.5e-3 },
         Free { parameter: Parameter::DryFriction, lower: 0.0, upper: 8000.0 },
     ];
-    let (command, start) = (command("chirp", SAMPLES), Start { ram: 0.0, velocity: 0.0 });
+    let (command, start) = (command("chirp", SAMPLES), Start { time: 0.0, ram: 0.0, velocity: 0.0 });
     let truth = Rig::with(|p| (p.bkl, p.fdj) = (FAULTS[0], FAULTS[1])).exact(&command);
     let records = [Record::new(PERIOD, &command, &start)
-        .with(Channel::UserPosition, &truth.user)
-        .with(Channel::Current, &truth.current)];
-    let problem = Problem {
-        form: Form::default(),
-        parameters: Parameters::default(),
-        free: &free,
-        records: &records,
-        noise: [1e-6, f64::INFINITY, 0.02, f64::INFINITY],
-    };
+        .with(Channel::UserPosition, &truth.user, 1e-6)
+        .with(Channel::Current, &truth.current, 0.02)];
+    let problem =
+        Problem { form: Form::default(), parameters: Parameters::default(), free: &free, records: &records };
     let search = || Identification::<f64, 2, 20>::new(&problem, Settings::default(), 1);
     criterion.bench_function("generation of 20", |bencher| {
         bencher.iter(|| {

@@ -108,7 +108,9 @@ fn write(directory: &Path, name: &str, cases: &[Case]) -> std::io::Result<Vec<Pa
     let mut files = Vec::new();
     for (index, case) in cases.iter().enumerate() {
         let mut text = format!("{:e} {CURRENT_NOISE:e}\n", case.noise);
-        for ((command, user), current) in case.command.iter().zip(&case.noisy.user).zip(&case.noisy.current) {
+        for ((command, user), current) in
+            case.command.iter().zip(&case.noisy.user, case.noise).zip(&case.noisy.current, CURRENT_NOISE)
+        {
             let _ = writeln!(text, "{command:e} {user:e} {current:e}");
         }
         let file = directory.join(format!("{name}-{index}.txt"));
@@ -119,18 +121,17 @@ fn write(directory: &Path, name: &str, cases: &[Case]) -> std::io::Result<Vec<Pa
 }
 
 fn ours(cases: &[Case]) -> Outcome {
-    let start = Start { ram: 0.0, velocity: 0.0 };
+    let start = Start { time: 0.0, ram: 0.0, velocity: 0.0 };
     let mut outcome = Outcome { simulation: f64::INFINITY, distance: 0.0, answers: Vec::new() };
     for (index, case) in cases.iter().enumerate() {
         let record = [Record::new(PERIOD, &case.command, &start)
-            .with(Channel::UserPosition, &case.noisy.user)
-            .with(Channel::Current, &case.noisy.current)];
+            .with(Channel::UserPosition, &case.noisy.user, case.noise)
+            .with(Channel::Current, &case.noisy.current, CURRENT_NOISE)];
         let problem = Problem {
             form: Form::default(),
             parameters: Parameters::default(),
             free: &FREE,
             records: &record,
-            noise: [case.noise, f64::INFINITY, CURRENT_NOISE, f64::INFINITY],
         };
         if index == 0 {
             let rig = Rig::with(|p| (p.bkl, p.fdj) = (case.faults[0], case.faults[1]));

@@ -140,7 +140,7 @@ parameters! {
     oil_compliance OilCompliance "1/beta" "1/Pa" 0.0 [0.0, 1e-7] Dynamics "1 over the bulk modulus of the oil";
     jack_area JackArea "AJ" "m^2" 8e-4 [1e-6, 1.0] Dynamics "area of the jack";
     viscous_friction ViscousFriction "CJ" "N s/m" 50.0 [0.0, 1e7] Dynamics "viscous friction of the jack";
-    load_mass LoadMass "MJ" "kg" 20.0 [1e-3, 1e5] Dynamics "mass of jack and load";
+    load_mass LoadMass "MJ" "kg" 20.0 [1.0, 1e5] Dynamics "mass of jack and load";
     jack_stop JackStop "XJM" "m" 0.2 [1e-4, 10.0] Constant "end stop of the jack";
     fdj DryFriction "FDJ" "N" 200.0 [0.0, 1e5] Constant "sliding dry friction of the jack";
     breakaway_ratio BreakawayRatio "FSD" "1" 2.0 [1.0, 10.0] Constant "breakaway over sliding friction of the jack";

@@ -5,7 +5,7 @@
 
 use crate::channel::Channel;
 use crate::command::Command;
-use crate::fit::problem::{Noise, Record, Start};
+use crate::fit::problem::{Record, Start};
 use crate::fit::walk::Walk;
 use crate::integrate::Stepper;
 use crate::model::Model;
@@ -19,18 +19,6 @@ pub struct SensorNoise<T> {
     pub user: T,
     /// Servo-valve current, mA.
     pub current: T,
-}
-
-impl<T: Real> SensorNoise<T> {
-    /// The same for a fit, which does not use the other channels.
-    pub fn of_channels(&self) -> Noise<T> {
-        let unused = T::ONE / T::ZERO;
-        Channel::MEASURED.map(|channel| match channel {
-            Channel::UserPosition => self.user,
-            Channel::Current => self.current,
-            _ => unused,
-        })
-    }
 }
 
 /// Samples of command, user position and current, `COUNT` of each, from rest at 0 m.
@@ -48,7 +36,7 @@ impl<T: Real, const COUNT: usize> Samples<T, COUNT> {
     pub const fn new() -> Self {
         Self {
             period: T::ZERO,
-            start: Start { ram: T::ZERO, velocity: T::ZERO },
+            start: Start { time: T::ZERO, ram: T::ZERO, velocity: T::ZERO },
             command: [T::ZERO; COUNT],
             user: [T::ZERO; COUNT],
             current: [T::ZERO; COUNT],
@@ -86,11 +74,11 @@ impl<T: Real, const COUNT: usize> Samples<T, COUNT> {
         }
     }
 
-    /// The samples as a record to be fitted.
-    pub fn record(&self) -> Record<'_, T> {
+    /// The samples as a record to be fitted, with the noise to be assumed.
+    pub fn record(&self, noise: &SensorNoise<T>) -> Record<'_, T> {
         Record::new(self.period, &self.command, &self.start)
-            .with(Channel::UserPosition, &self.user)
-            .with(Channel::Current, &self.current)
+            .with(Channel::UserPosition, &self.user, noise.user)
+            .with(Channel::Current, &self.current, noise.current)
     }
 }
 

@@ -22,7 +22,8 @@ fn model(change: impl FnOnce(&mut Parameters<f64>)) -> Model<f64> {
 #[test]
 fn a_follower_shows_what_its_own_simulation_would() {
     let samples = command("mixed-step", 700);
-    let starts = [Start { ram: 0.0, velocity: 0.0 }, Start { ram: 1e-3, velocity: 0.02 }];
+    let starts =
+        [Start { time: 0.0, ram: 0.0, velocity: 0.0 }, Start { time: 0.4, ram: 1e-3, velocity: 0.02 }];
     let mut record = Record::new(PERIOD, &samples, &starts[0]);
     (record.stretch, record.starts) = (400, &starts);
     let base = model(|p| (p.fdj, p.bkl) = (800.0, 2e-4));

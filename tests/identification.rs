@@ -21,7 +21,7 @@ use reference_plant::add_noise;
 const NOISE: [f64; 2] = [5e-6, 0.02];
 /// Samples of a record: one second.
 const SAMPLES: usize = 1000;
-const AT_REST: Start<f64> = Start { ram: 0.0, velocity: 0.0 };
+const AT_REST: Start<f64> = Start { time: 0.0, ram: 0.0, velocity: 0.0 };
 const ONLY_POSITION: Noise<f64> = [1e-7, f64::INFINITY, f64::INFINITY, f64::INFINITY];
 /// "No noise": the distance of the model from the plant, in round figures.
 const NOISE_FREE: Noise<f64> = [1e-7, f64::INFINITY, 1e-3, f64::INFINITY];
@@ -66,14 +66,16 @@ fn noisy(trace: &Trace, seed: u64) -> Trace {
     trace
 }
 
-fn record<'a>(command: &'a [f64], trace: &'a Trace) -> Record<'a, f64> {
-    Record::new(PERIOD, command, &AT_REST)
-        .with(Channel::UserPosition, &trace.user)
-        .with(Channel::Current, &trace.current)
+fn record<'a>(command: &'a [f64], trace: &'a Trace, noise: Noise<f64>) -> Record<'a, f64> {
+    Record::new(PERIOD, command, &AT_REST).with(Channel::UserPosition, &trace.user, noise[0]).with(
+        Channel::Current,
+        &trace.current,
+        noise[2],
+    )
 }
 
-fn problem<'a>(records: &'a [Record<'a, f64>], noise: Noise<f64>) -> Problem<'a, f64> {
-    Problem { form: Form::default(), parameters: Parameters::default(), free: &FREE, records, noise }
+fn problem<'a>(records: &'a [Record<'a, f64>]) -> Problem<'a, f64> {
+    Problem { form: Form::default(), parameters: Parameters::default(), free: &FREE, records }
 }
 
 /// The whole identification from a seed.
@@ -112,8 +114,8 @@ fn mean_error(found: &Found, truth: [f64; 2]) -> f64 {
 fn noise_free(cases: &[(&str, f64, f64)], noise: Noise<f64>) {
     for &(name, bkl, fdj) in cases {
         let (samples, trace) = plant(name, bkl, fdj);
-        let records = [record(&samples, &trace)];
-        let problem = problem(&records, noise);
+        let records = [record(&samples, &trace, noise)];
+        let problem = problem(&records);
         let (mut worst, mut most) = (0.0_f64, 0);
         for seed in 0..20 {
             let (found, reason, evaluations) = identify(&problem, seed);
@@ -137,8 +139,8 @@ fn twelve_cases_are_found_from_the_position_alone() {
     // bottom for a single seed. The motor current cures it (the test above).
     for (name, bkl, fdj) in CASES {
         let (samples, trace) = plant(name, bkl, fdj);
-        let records = [record(&samples, &trace)];
-        let problem = problem(&records, ONLY_POSITION);
+        let records = [record(&samples, &trace, ONLY_POSITION)];
+        let problem = problem(&records);
         let found = |seed| mean_error(&identify(&problem, seed).0, [bkl, fdj]) < 0.1;
         let count = (0..20).filter(|&seed| found(seed)).count();
         println!("{name:6} {bkl:6} m {fdj:5} N: {count} of 20 seeds");
@@ -154,8 +156,8 @@ fn noisy_estimates_keep_their_standard_errors() {
         let (mut worst, mut width) = ([0.0_f64; 2], 0.0);
         for seed in 0..10 {
             let trace = noisy(&clean, 1000 * (case as u64 + 1) + seed);
-            let records = [record(&samples, &trace)];
-            let (found, ..) = identify(&problem(&records, NOISY), seed);
+            let records = [record(&samples, &trace, NOISY)];
+            let (found, ..) = identify(&problem(&records), seed);
             for (gene, ((value, error), truth)) in estimates(&found).into_iter().zip([bkl, fdj]).enumerate() {
                 let pull = (value - truth) / error;
                 worst[gene] = worst[gene].max(pull.abs());
@@ -185,8 +187,8 @@ fn intervals_cover_the_truth_as_often_as_they_say() {
     let mut covered = [0; 2];
     for seed in 0..200 {
         let trace = noisy(&clean, 1000 + seed);
-        let records = [record(&samples, &trace)];
-        let found = polish(&problem(&records, NOISY), [1.1 * bkl, 0.9 * fdj]);
+        let records = [record(&samples, &trace, NOISY)];
+        let found = polish(&problem(&records), [1.1 * bkl, 0.9 * fdj]);
         for (gene, ((value, error), truth)) in estimates(&found).into_iter().zip([bkl, fdj]).enumerate() {
             covered[gene] += usize::from((value - truth).abs() < 1.96 * error);
         }
@@ -201,9 +203,9 @@ fn records_together_know_more_than_one() {
     let (mixed, mixed_trace) = plant("mixed", bkl, fdj);
     let (chirp, chirp_trace) = plant("chirp", bkl, fdj);
     let (mixed_trace, chirp_trace) = (noisy(&mixed_trace, 1), noisy(&chirp_trace, 2));
-    let both = [record(&mixed, &mixed_trace), record(&chirp, &chirp_trace)];
+    let both = [record(&mixed, &mixed_trace, NOISY), record(&chirp, &chirp_trace, NOISY)];
     let [first, second, together] =
-        [&both[..1], &both[1..], &both[..]].map(|records| polish(&problem(records, NOISY), [bkl, fdj]));
+        [&both[..1], &both[1..], &both[..]].map(|records| polish(&problem(records), [bkl, fdj]));
     let errors = [&first, &second, &together].map(|found| estimates(found)[1].1);
     println!("standard errors of FDJ: {errors:.3?} N");
     assert!(errors[2] < 0.999 * errors[0].min(errors[1]));
@@ -228,16 +230,16 @@ fn missing_samples_are_left_out() {
         holed.user[sample] = f64::NAN;
     }
     holed.current[..50].fill(f64::NAN);
-    let records = [record(&samples, &holed)];
-    let (found, ..) = identify(&problem(&records, NOISE_FREE), 3);
+    let records = [record(&samples, &holed, NOISE_FREE)];
+    let (found, ..) = identify(&problem(&records), 3);
     assert_eq!(found.normal.misfit.count, 2 * SAMPLES as u32 - 101 - 50);
     assert!(mean_error(&found, [bkl, fdj]) < 0.1);
     // A zero in place of the hole would not have gone unnoticed.
     for value in holed.user.iter_mut().filter(|value| value.is_nan()) {
         *value = 0.0;
     }
-    let records = [record(&samples, &holed)];
-    assert!(mean_error(&identify(&problem(&records, NOISE_FREE), 3).0, [bkl, fdj]) > 0.1);
+    let records = [record(&samples, &holed, NOISE_FREE)];
+    assert!(mean_error(&identify(&problem(&records), 3).0, [bkl, fdj]) > 0.1);
 }
 
 #[test]
@@ -245,14 +247,17 @@ fn every_channel_enters() {
     let (bkl, fdj) = (2e-4, 800.0);
     let (samples, clean) = plant("mixed", bkl, fdj);
     let none = f64::INFINITY;
-    let full = record(&samples, &clean)
-        .with(Channel::RamPosition, &clean.ram)
-        .with(Channel::Pressure, &clean.pressure);
-    let records = [full];
+    let full = |noise: Noise<f64>| {
+        [record(&samples, &clean, noise).with(Channel::RamPosition, &clean.ram, noise[1]).with(
+            Channel::Pressure,
+            &clean.pressure,
+            noise[3],
+        )]
+    };
     for (channel, noise) in [(0, 5e-6), (1, 5e-6), (2, 0.02), (3, 2e4)] {
         let mut only = [none; 4];
         only[channel] = noise;
-        let found = polish(&problem(&records, only), [1.1 * bkl, 0.95 * fdj]);
+        let found = polish(&problem(&full(only)), [1.1 * bkl, 0.95 * fdj]);
         let [(near, error), (friction, width)] = estimates(&found);
         println!(
             "{:?}: BKL {near:e} +- {error:e} m, FDJ {friction} +- {width} N",
@@ -263,7 +268,7 @@ fn every_channel_enters() {
         // The backlash is outside the loop: only the user shows it.
         assert_eq!(channel == 0, found.normal.curvature[(0, 0)] > 0.0);
     }
-    let all = polish(&problem(&records, [5e-6, 5e-6, 0.02, 2e4]), [bkl, fdj]);
+    let all = polish(&problem(&full([5e-6, 5e-6, 0.02, 2e4])), [bkl, fdj]);
     assert_eq!(all.normal.misfit.count, 4 * SAMPLES as u32);
 }
 
@@ -272,17 +277,16 @@ fn wrong_noise_and_wrong_data_are_seen() {
     let (bkl, fdj) = (2e-4, 800.0);
     let (samples, clean) = plant("mixed", bkl, fdj);
     let trace = noisy(&clean, 5);
-    let records = [record(&samples, &trace)];
-    let (found, reason, _) = identify(&problem(&records, NOISY), 1);
+    let (found, reason, _) = identify(&problem(&[record(&samples, &trace, NOISY)]), 1);
     assert_eq!(reason, StopReason::NoiseReached);
     assert!((found.normal.misfit.mean_square() - 1.0).abs() < 0.15);
     // Noise stated too small by two: the misfit says so, and the search does not claim to have reached it.
-    let (found, reason, _) = identify(&problem(&records, NOISY.map(|noise| 0.5 * noise)), 1);
+    let (found, reason, _) =
+        identify(&problem(&[record(&samples, &trace, NOISY.map(|noise| 0.5 * noise))]), 1);
     assert!(reason != StopReason::NoiseReached && found.normal.misfit.mean_square() > 3.0, "{reason:?}");
     // Samples in the wrong order are no actuator's.
     let mut shuffled = trace.clone();
     shuffled.user.reverse();
-    let records = [record(&samples, &shuffled)];
-    let (found, reason, _) = identify(&problem(&records, NOISY), 1);
+    let (found, reason, _) = identify(&problem(&[record(&samples, &shuffled, NOISY)]), 1);
     assert!(reason != StopReason::NoiseReached && found.normal.misfit.mean_square() > 100.0, "{reason:?}");
 }

@@ -119,7 +119,7 @@ where
         }
         loop {
             let mut chunk = Chunk::<T, GENES>::new();
-            chunk.fill_base(problem, record, &mut walk, select(steppers, 0, shared), &walks, &mut followers);
+            chunk.fill_base(record, &mut walk, select(steppers, 0, shared), &walks, &mut followers);
             if chunk.filled == 0 {
                 break;
             }
@@ -131,7 +131,7 @@ where
                 if shared {
                     stepper.begin(record.sample_period, has_force, dynamic);
                 }
-                chunk.fill_neighbour(problem, record, walk, stepper, gene);
+                chunk.fill_neighbour(record, walk, stepper, gene);
             }
             if shared {
                 select(steppers, 0, shared).begin(record.sample_period, has_force, dynamic);
@@ -166,15 +166,8 @@ struct Residuals<T, const GENES: usize> {
 
 impl<T: Real, const GENES: usize> Residuals<T, GENES> {
     /// Notes what a gene's neighbour predicts.
-    fn compare(
-        &mut self,
-        problem: &Problem<'_, T>,
-        record: &Record<'_, T>,
-        sample: usize,
-        gene: usize,
-        outputs: &Outputs<T>,
-    ) {
-        let residuals = problem.residuals(record, sample, outputs);
+    fn compare(&mut self, record: &Record<'_, T>, sample: usize, gene: usize, outputs: &Outputs<T>) {
+        let residuals = record.residuals(sample, outputs);
         for (neighbours, (residual, _)) in self.neighbours.iter_mut().zip(residuals) {
             if let Some(neighbour) = neighbours.get_mut(gene) {
                 *neighbour = residual;
@@ -197,7 +190,6 @@ impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
 
     fn fill_base<S: Stepper<T>>(
         &mut self,
-        problem: &Problem<'_, T>,
         record: &Record<'_, T>,
         walk: &mut Walk<T>,
         stepper: &mut S,
@@ -209,11 +201,11 @@ impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
             for (gene, (follower, neighbour)) in followers.iter_mut().zip(neighbours).enumerate() {
                 if let Some(follower) = follower {
                     let user = follower.shown(neighbour.actuator());
-                    place.compare(problem, record, sample, gene, &Outputs { user, ..outputs });
+                    place.compare(record, sample, gene, &Outputs { user, ..outputs });
                 }
             }
             if record.is_compared(sample) {
-                place.base = problem.residuals(record, sample, &outputs);
+                place.base = record.residuals(sample, &outputs);
             }
             self.filled += 1;
         }
@@ -221,7 +213,6 @@ impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
 
     fn fill_neighbour<S: Stepper<T>>(
         &mut self,
-        problem: &Problem<'_, T>,
         record: &Record<'_, T>,
         walk: &mut Walk<T>,
         stepper: &mut S,
@@ -229,7 +220,7 @@ impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
     ) {
         for place in self.samples.iter_mut().take(self.filled) {
             let Some((sample, outputs)) = walk.next(record, stepper) else { break };
-            place.compare(problem, record, sample, gene, &outputs);
+            place.compare(record, sample, gene, &outputs);
         }
     }
 
@@ -263,8 +254,9 @@ impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
 impl<T: Real + RealField, const GENES: usize> Normal<T, GENES> {
     /// A damped step that stays in the box `[0, 1]`, and the fall of chi-square that it promises.
     fn step(&self, genes: &[T; GENES], damping: T, active: usize) -> Option<([T; GENES], T)> {
-        // A gene that the step would push through a bound goes to the bound, and the rest is solved again around it:
-        // cutting it off alone would leave the valley that strongly correlated genes lie in.
+        // The gene that the step would push through a bound first goes to the bound, and the rest is solved again around
+        // it: cutting it off alone would leave the valley that strongly correlated genes lie in, and holding all that
+        // are pushed through would hold some that only follow the first.
         let mut held: [Option<T>; GENES] = [None; GENES];
         for _ in 0..=active {
             let mut matrix = self.curvature;
@@ -285,16 +277,19 @@ impl<T: Real + RealField, const GENES: usize> Normal<T, GENES> {
                 }
             }
             let change = matrix.cholesky()?.solve(&side);
-            let mut again = false;
+            let mut first: Option<(usize, T, T)> = None;
             for gene in 0..GENES {
                 let value = genes[gene] + change[gene];
-                let bound = if value < T::ZERO { T::ZERO } else { T::ONE };
                 if held[gene].is_none() && (value < T::ZERO || value > T::ONE) {
-                    held[gene] = Some(bound - genes[gene]);
-                    again = true;
+                    let way = if value < T::ZERO { -genes[gene] } else { T::ONE - genes[gene] };
+                    let share = way / change[gene];
+                    if first.is_none_or(|(_, _, earliest)| share < earliest) {
+                        first = Some((gene, way, share));
+                    }
                 }
             }
-            if again {
+            if let Some((gene, way, _)) = first {
+                held[gene] = Some(way);
                 continue;
             }
             let mut moved = *genes;
@@ -352,6 +347,11 @@ where
                 damping *= T::literal(100.0);
                 continue;
             };
+            if promised < T::ZERO {
+                // The way around the bounds leads uphill: closer to the gradient it does not.
+                damping = damping.larger(T::literal(1e-3)) * T::literal(10.0);
+                continue;
+            }
             if promised <= settings.tolerance {
                 ending = Ending::Bottom;
                 break 'steps;

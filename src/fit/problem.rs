@@ -11,9 +11,11 @@ use crate::scalar::Real;
 /// Number of channels that the model predicts.
 pub const MEASURED: usize = Channel::MEASURED.len();
 
-/// State in which a stretch of a record starts.
+/// State and time in which a stretch of a record starts.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Start<T> {
+    /// Time from the start of the record, s.
+    pub time: T,
     /// Ram position, m.
     pub ram: T,
     /// Ram velocity, m/s; the stretch starts at rest where it is 0.
@@ -31,6 +33,8 @@ pub struct Record<'a, T> {
     pub force: &'a [T],
     /// Measured channels in the order of [`Channel::MEASURED`]; empty where absent, NaN where a sample is missing.
     pub measured: [&'a [T]; MEASURED],
+    /// Noise of the measured channels.
+    pub noise: Noise<T>,
     /// Samples in a stretch: the model starts anew from `starts` after each. The whole record by default.
     pub stretch: usize,
     /// State at the start of each stretch.
@@ -47,17 +51,20 @@ impl<'a, T: Real> Record<'a, T> {
             command,
             force: &[],
             measured: [&[]; MEASURED],
+            noise: [T::ONE / T::ZERO; MEASURED],
             stretch: command.len().max(1),
             starts: core::slice::from_ref(start),
             settle: 0,
         }
     }
 
-    /// The same with one more measured channel (ignored where the model does not predict it).
+    /// The same with one more measured channel and the standard deviation of its noise, in its unit (ignored where the
+    /// model does not predict the channel).
     #[must_use]
-    pub fn with(mut self, channel: Channel, values: &'a [T]) -> Self {
+    pub fn with(mut self, channel: Channel, values: &'a [T], noise: T) -> Self {
         if let Some(index) = Channel::MEASURED.iter().position(|&known| known == channel) {
             self.measured[index] = values;
+            self.noise[index] = noise;
         }
         self
     }
@@ -66,6 +73,24 @@ impl<'a, T: Real> Record<'a, T> {
     #[inline]
     pub fn is_compared(&self, sample: usize) -> bool {
         sample % self.stretch.max(1) >= self.settle
+    }
+
+    /// Residuals of one sample in units of their noise, measured minus predicted; 0 with weight `false` where the
+    /// channel is absent, unused or the sample is missing.
+    #[inline]
+    pub fn residuals(&self, sample: usize, outputs: &Outputs<T>) -> [(T, bool); MEASURED] {
+        let mut residuals = [(T::ZERO, false); MEASURED];
+        let predicted = outputs.to_array();
+        for channel in 0..MEASURED {
+            let (Some(&value), true) = (self.measured[channel].get(sample), self.noise[channel].finite())
+            else {
+                continue;
+            };
+            if value.finite() {
+                residuals[channel] = ((value - predicted[channel]) / self.noise[channel], true);
+            }
+        }
+        residuals
     }
 }
 
@@ -101,7 +126,7 @@ impl<T: Real> Free<T> {
     }
 }
 
-/// A fit: structure, parameters, those that are free, records and noise.
+/// A fit: structure, parameters, those that are free, and records.
 #[derive(Clone, Copy, Debug)]
 pub struct Problem<'a, T> {
     /// Structure of the model.
@@ -112,8 +137,6 @@ pub struct Problem<'a, T> {
     pub free: &'a [Free<T>],
     /// The records, fitted together.
     pub records: &'a [Record<'a, T>],
-    /// Noise of the measured channels.
-    pub noise: Noise<T>,
 }
 
 /// Sum of squares of the residual in units of its noise, and how many samples it is made of.
@@ -152,29 +175,6 @@ impl<T: Real> Problem<'_, T> {
         self.free.iter().any(|free| Model::<T>::reach(self.form, free.parameter) == Reach::Dynamics)
     }
 
-    /// Residuals of one sample in units of their noise, measured minus predicted; 0 with weight `false` where the
-    /// channel is absent, unused or the sample is missing.
-    #[inline]
-    pub fn residuals(
-        &self,
-        record: &Record<'_, T>,
-        sample: usize,
-        outputs: &Outputs<T>,
-    ) -> [(T, bool); MEASURED] {
-        let mut residuals = [(T::ZERO, false); MEASURED];
-        let predicted = outputs.to_array();
-        for channel in 0..MEASURED {
-            let (Some(&value), true) = (record.measured[channel].get(sample), self.noise[channel].finite())
-            else {
-                continue;
-            };
-            if value.finite() {
-                residuals[channel] = ((value - predicted[channel]) / self.noise[channel], true);
-            }
-        }
-        residuals
-    }
-
     /// Misfit of a set of genes. One evaluation: every record is simulated once.
     pub fn misfit<S: Stepper<T>>(&self, genes: &[T], stepper: &mut S) -> Misfit<T> {
         let model = self.model(genes);
@@ -188,7 +188,7 @@ impl<T: Real> Problem<'_, T> {
                 if !record.is_compared(sample) {
                     continue;
                 }
-                for (residual, used) in self.residuals(record, sample, &outputs) {
+                for (residual, used) in record.residuals(sample, &outputs) {
                     if used {
                         misfit.chi_square += residual * residual;
                         misfit.count += 1;

@@ -14,6 +14,8 @@ pub struct Walk<T> {
     motion: Motion<T>,
     sample_rate: T,
     sample: usize,
+    /// First sample of the stretch, and its time, s.
+    origin: (usize, T),
 }
 
 impl<T: Real> Walk<T> {
@@ -21,7 +23,7 @@ impl<T: Real> Walk<T> {
     pub fn new(model: &Model<T>, record: &Record<'_, T>) -> Self {
         let actuator = Actuator::new(*model, record.sample_period);
         let motion = actuator.at_rest(T::ZERO, &Input::default());
-        Self { actuator, motion, sample_rate: T::ONE / record.sample_period, sample: 0 }
+        Self { actuator, motion, sample_rate: T::ONE / record.sample_period, sample: 0, origin: (0, T::ZERO) }
     }
 
     /// Predicts the next sample: its index and what the channels show; none past the end.
@@ -49,6 +51,7 @@ impl<T: Real> Walk<T> {
         if sample.is_multiple_of(record.stretch.max(1)) {
             input = Input { command, command_rate: T::ZERO, force: force_at(sample) };
             let start = record.starts.get(sample / record.stretch.max(1)).copied().unwrap_or_default();
+            self.origin = (sample, start.time);
             self.motion = self.started(&start, &input);
             for follower in followers.iter_mut().flatten() {
                 follower.restart(self.motion.user);
@@ -58,7 +61,7 @@ impl<T: Real> Walk<T> {
             let segment = InputSegment::between(
                 [previous, command],
                 [force_at(sample - 1), force_at(sample)],
-                record.sample_period * T::from_count(sample as u32 - 1),
+                self.origin.1 + record.sample_period * T::from_count((sample - 1 - self.origin.0) as u32),
                 self.sample_rate,
             );
             self.actuator.lead(stepper, &mut self.motion, &segment, followers);

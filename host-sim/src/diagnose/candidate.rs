@@ -8,6 +8,9 @@ use eha_monitor::parameter::Parameter;
 
 /// Half width of the search for an effect's parameter, in its sizes.
 const REACH: f64 = 20.0;
+/// Factor by which a range is widened where a fit ends at its edge, and how often.
+const WIDER: f64 = 10.0;
+const MOST_WIDENED: usize = 3;
 /// Times at which a step load is looked for.
 const STEP_TIMES: usize = 10;
 /// Where an effect is looked for, in its sizes: a play or a dead zone that is seen at one size is not linear in it.
@@ -104,7 +107,6 @@ pub(super) fn look(
     rig: &Rig,
     ranges: &[Range],
     records: &[Prepared],
-    noise: [f64; 4],
 ) -> Option<Prospect> {
     let duration =
         records.iter().map(|record| record.len() as f64 * record.sample_period).fold(0.0, f64::max);
@@ -118,7 +120,7 @@ pub(super) fn look(
         .into_iter()
         .map(|start| here.iter().copied().chain(start).collect())
         .collect();
-    let foreseen = fit::foresee(rig, &all, &starts, records, noise)
+    let foreseen = fit::foresee(rig, &all, &starts, records)
         .into_iter()
         .min_by(|a, b| a.misfit.chi_square.total_cmp(&b.misfit.chi_square))?;
     Some(Prospect { effect, ranges: all, foreseen, starts })
@@ -127,34 +129,57 @@ pub(super) fn look(
 impl Prospect {
     /// A rough fit, from what the linear model foresees and from each place where it was looked for: what was free
     /// before first follows it there, because it may have been far off to make up for the effect.
-    pub(super) fn approach(&self, rig: &Rig, records: &[Prepared], noise: [f64; 4]) -> Option<Polished> {
+    pub(super) fn approach(&self, rig: &Rig, records: &[Prepared]) -> Option<Polished> {
         let before = self.ranges.len() - self.effect.parameters.len();
         let followed = self.starts.iter().filter_map(|start| {
             let mut there = rig.clone();
             for (range, &value) in self.ranges.iter().zip(start).skip(before) {
                 there.parameters.set(range.parameter, value);
             }
-            let found = fit::approach(&there, &self.ranges[..before], &start[..before], records, noise)?;
+            let found = fit::approach(&there, &self.ranges[..before], &start[..before], records)?;
             Some((found.misfit.chi_square, [&found.values, &start[before..]].concat()))
         });
         let best = followed.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, start)| start);
         let starts = std::iter::once(self.foreseen.values.clone()).chain(best);
         starts
-            .filter_map(|start| fit::approach(rig, &self.ranges, &start, records, noise))
+            .filter_map(|start| fit::approach(rig, &self.ranges, &start, records))
             .min_by(|a, b| a.misfit.chi_square.total_cmp(&b.misfit.chi_square))
     }
 
     /// Fits it from a start.
-    pub(super) fn fit(
-        &self,
-        rig: &Rig,
-        start: &[f64],
-        records: &[Prepared],
-        noise: [f64; 4],
-    ) -> Option<Candidate> {
-        let fit = fit::polish(rig, &self.ranges, start, records, noise)?;
-        let mut fitted = fit.applied(rig, &self.ranges);
+    pub(super) fn fit(&self, rig: &Rig, start: &[f64], records: &[Prepared]) -> Option<Candidate> {
+        let mut ranges = self.ranges.clone();
+        let mut fit = fit::polish(rig, &ranges, start, records)?;
+        for _ in 0..MOST_WIDENED {
+            let wider = self.widened(&ranges, &fit.values);
+            if wider == ranges {
+                break;
+            }
+            ranges = wider;
+            fit = fit::polish(rig, &ranges, &fit.values, records)?;
+        }
+        let mut fitted = fit.applied(rig, &ranges);
         fitted.effects.push(self.effect);
-        Some(Candidate { effect: self.effect, ranges: self.ranges.clone(), fit, rig: fitted })
+        Some(Candidate { effect: self.effect, ranges, fit, rig: fitted })
+    }
+
+    /// The ranges, those of the effect's parameters wider where a value is at their edge but inside what is possible.
+    fn widened(&self, ranges: &[Range], values: &[f64]) -> Vec<Range> {
+        let before = ranges.len() - self.effect.parameters.len();
+        let widen = |(index, (range, &value)): (usize, (&Range, &f64))| {
+            let info = range.parameter.info();
+            let [below, above] = range.at_edge(value);
+            let at_edge = (below && range.lower > info.lower) || (above && range.upper < info.upper);
+            if index < before || !at_edge || range.parameter == Parameter::StepLoadTime {
+                return *range;
+            }
+            let more = (WIDER - 1.0) / 2.0 * (range.upper - range.lower);
+            Range {
+                lower: (range.lower - more).max(info.lower),
+                upper: (range.upper + more).min(info.upper),
+                ..*range
+            }
+        };
+        ranges.iter().zip(values).enumerate().map(widen).collect()
     }
 }

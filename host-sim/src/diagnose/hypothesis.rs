@@ -53,7 +53,7 @@ pub(super) struct Earned {
 }
 
 impl Hypothesis {
-    /// The model with the declared faults alone.
+    /// The model with the declared faults alone, as it was fitted to the records of the case or to longer ones.
     pub(super) fn root(case: &Case<'_>, fit: &Fit, ranges: Vec<Range>) -> Self {
         let train = Polished {
             values: fit.estimates.iter().map(|estimate| estimate.value).collect(),
@@ -76,11 +76,18 @@ impl Hypothesis {
         let joint = if case.holdout().is_empty() {
             train.clone()
         } else {
-            fit::polish(&rig, &ranges, &train.values, case.records, case.noise)
-                .unwrap_or_else(|| train.clone())
+            fit::polish(&rig, &ranges, &train.values, case.records).unwrap_or_else(|| train.clone())
         };
         let predictions = fit::predict(&joint.applied(&rig, &ranges), case.records);
         Self { rig, ranges, train, joint, predictions, added }
+    }
+
+    /// The same model for the records of another case.
+    pub(super) fn refitted(&self, case: &Case<'_>) -> Self {
+        let train = fit::polish(&self.rig, &self.ranges, &self.train.values, case.train())
+            .unwrap_or_else(|| self.train.clone());
+        let rig = train.applied(&self.rig, &self.ranges);
+        Self::validated(case, rig, self.ranges.clone(), train, self.added.clone())
     }
 
     /// Mean square, in units of the noise, of what the model leaves; at least 1.
@@ -139,7 +146,7 @@ impl Hypothesis {
         EFFECTS
             .par_iter()
             .filter(|effect| !interrupt::requested() && candidate::applies(effect, &self.rig, &self.ranges))
-            .filter_map(|effect| candidate::look(effect, &self.rig, &self.ranges, case.train(), case.noise))
+            .filter_map(|effect| candidate::look(effect, &self.rig, &self.ranges, case.train()))
             .collect()
     }
 
@@ -166,14 +173,14 @@ impl Hypothesis {
         let mut near: Vec<(&Prospect, Polished)> = promising
             .par_iter()
             .filter(|_| !interrupt::requested())
-            .filter_map(|prospect| Some((prospect, prospect.approach(&self.rig, case.train(), case.noise)?)))
+            .filter_map(|prospect| Some((prospect, prospect.approach(&self.rig, case.train())?)))
             .collect();
         near.sort_by(|(_, a), (_, b)| a.misfit.chi_square.total_cmp(&b.misfit.chi_square));
         near.truncate(MOST_FITTED);
         let mut candidates: Vec<Candidate> = near
             .into_par_iter()
             .filter(|_| !interrupt::requested())
-            .filter_map(|(prospect, near)| prospect.fit(&self.rig, &near.values, case.train(), case.noise))
+            .filter_map(|(prospect, near)| prospect.fit(&self.rig, &near.values, case.train()))
             .collect();
         candidates.sort_by(|a, b| a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square));
         candidates
@@ -218,8 +225,7 @@ impl Hypothesis {
         let mut ranges = self.ranges.clone();
         ranges.retain(|range| !effect.parameters.contains(&range.parameter));
         let start: Vec<f64> = ranges.iter().map(|range| rig.parameters.get(range.parameter)).collect();
-        let train = fit::polish(&rig, &ranges, &start, case.train(), case.noise)
-            .unwrap_or_else(|| self.train.clone());
+        let train = fit::polish(&rig, &ranges, &start, case.train()).unwrap_or_else(|| self.train.clone());
         let rig = train.applied(&rig, &ranges);
         Self::validated(case, rig, ranges, train, added)
     }
@@ -265,20 +271,20 @@ impl Hypothesis {
             && (self.leaves_noise(case) || self.gains_everywhere(case, without))
     }
 
-    /// Does it change a prediction by more than the model's own error, or move a fault by more than its error?
+    /// Does it change the prediction of a record by more than the model's own error, or move a fault by more than its error?
     fn matters_against(&self, case: &Case<'_>, without: &Self) -> bool {
-        let mut sums = [0.0; MEASURED];
-        let mut count = 0_usize;
-        for (a, b) in without.predictions.iter().flatten().zip(self.predictions.iter().flatten()) {
-            for (sum, (a, b)) in sums.iter_mut().zip(a.to_array().into_iter().zip(b.to_array())) {
-                *sum += (a - b) * (a - b);
-            }
-            count += 1;
-        }
-        let changes = (0..MEASURED).any(|channel| {
-            case.noise[channel].is_finite()
-                && (sums[channel] / count.max(1) as f64).sqrt() > MODEL_ERROR[channel]
-        });
+        let changes = case.records.iter().zip(&without.predictions).zip(&self.predictions).any(
+            |((record, without), with)| {
+                (0..MEASURED).any(|channel| {
+                    let change = |(a, b): (&Outputs<f64>, &Outputs<f64>)| {
+                        (a.to_array()[channel] - b.to_array()[channel]).powi(2)
+                    };
+                    let sum: f64 = without.iter().zip(with).map(change).sum();
+                    record.noise[channel].is_finite()
+                        && (sum / record.len().max(1) as f64).sqrt() > MODEL_ERROR[channel]
+                })
+            },
+        );
         let biases = (0..case.rig.faults.len()).any(|index| {
             let shift = (self.train.values[index] - without.train.values[index]).abs();
             shift > 3.0 * self.train.standard_error(index) * self.scale().sqrt()
@@ -289,7 +295,7 @@ impl Hypothesis {
     /// Is its gain over another model more than the luck of a few places? What is left is not noise, so the spread of
     /// the gain over blocks of the records is what there is to go by.
     fn gains_everywhere(&self, case: &Case<'_>, without: &Self) -> bool {
-        let gains = residual::gains(case.records, &without.predictions, &self.predictions, case.noise);
+        let gains = residual::gains(case.records, &without.predictions, &self.predictions);
         let count = gains.len().max(2) as f64;
         let mean = gains.iter().sum::<f64>() / count;
         let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (count - 1.0);

@@ -32,14 +32,14 @@ use hypothesis::{Earned, Hypothesis};
 use residual::{ChannelResidual, Description, MEASURED};
 
 /// Most effects that are added.
-const MOST_EFFECTS: usize = 3;
+const MOST_EFFECTS: usize = 4;
 /// Hypotheses that are grown further.
 const BEAM: usize = 3;
 /// Standard deviations of the residual tests: with four channels, a chance of 1e-4 of a false alarm.
 const RESIDUAL_LIMIT: f64 = 5.0;
-/// Share of the misfit beyond noise that the effects so far must take away for another to be tried beside them: where
-/// the catalogue does not help at all, more of it does not either.
-const GROWING_SHARE: f64 = 0.2;
+/// Share of the misfit beyond noise that another effect must take away for a further one to be tried beside it. What is
+/// left is coloured; of one that swings some hundred times, the best of the catalogue takes a tenth by chance.
+const GROWING_SHARE: f64 = 0.1;
 /// Share of the misfit beyond noise that effects must take away to be named although something else is left.
 const NAMING_SHARE: f64 = 0.99;
 
@@ -86,8 +86,6 @@ pub struct Found {
 pub struct Score {
     /// Root mean square of the user position's residual, m.
     pub position_rms: f64,
-    /// Sum of the squares of all channels in units of their noise.
-    pub chi_square: f64,
 }
 
 /// A fault, and what it is mixed up with.
@@ -110,7 +108,7 @@ pub struct Diagnosis {
     pub faults: Vec<Fault>,
     /// Effects that were added.
     pub found: Vec<Found>,
-    /// Noise of each measured channel.
+    /// Noise of each measured channel, rms over the fitted records.
     pub noise: [f64; MEASURED],
     /// Training records, before and after.
     pub train: [Score; 2],
@@ -134,8 +132,6 @@ pub struct Case<'a> {
     pub records: &'a [Prepared],
     /// How many of them are fitted.
     pub fitted: usize,
-    /// Noise of each measured channel.
-    pub noise: [f64; MEASURED],
     /// Channels whose noise the rig states.
     pub known_noise: [Option<f64>; MEASURED],
 }
@@ -161,8 +157,32 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f
         }
     }
     watch("fitting the declared faults", 0.0);
-    let before = fit::fit(case.rig, &ranges, case.train(), case.noise, settings, |_| {});
-    let mut beam = vec![Hypothesis::root(case, &before, ranges)];
+    let before = fit::fit(case.rig, &ranges, case.train(), settings, |_| {});
+    let root = Hypothesis::root(case, &before, ranges);
+    // Long records are searched in excerpts; what is found is then fitted to the whole.
+    let excerpts: Vec<Option<Prepared>> = case.records.iter().map(Prepared::excerpt).collect();
+    let in_excerpts = excerpts.iter().any(Option::is_some);
+    let searched: Vec<Prepared> = excerpts
+        .into_iter()
+        .zip(case.records)
+        .map(|(excerpt, whole)| excerpt.unwrap_or_else(|| whole.clone()))
+        .collect();
+    let searched = Case { records: &searched, ..*case };
+    let root = if in_excerpts { root.refitted(&searched) } else { root };
+    let (best, earned) = search(&searched, root, watch);
+    watch("looking for what could stand in", 0.95);
+    let open = Open::after(&searched, &best, &earned);
+    let best = if in_excerpts { best.refitted(case) } else { best };
+    conclude(case, before, best, &earned, &open)
+}
+
+/// Grows the model with the declared faults alone by effects, and drops what does not earn its place.
+fn search(
+    case: &Case<'_>,
+    root: Hypothesis,
+    watch: &(dyn Fn(&str, f64) + Sync),
+) -> (Hypothesis, Vec<Earned>) {
+    let mut beam = vec![root];
     let mut tried = beam.clone();
     for stage in 0..MOST_EFFECTS {
         if interrupt::requested() {
@@ -185,16 +205,14 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f
         tried.extend(grown.iter().cloned());
         let best = grown.first().map_or(f64::INFINITY, |first| first.cost(scale));
         let settled = beam.iter().all(|parent| parent.cost(scale) <= best);
-        let helpless = grown.iter().all(|hypothesis| hypothesis.share_of(&tried[0]) < GROWING_SHARE);
+        let helpless = grown.iter().all(|new| new.share_of(&beam[0]) < GROWING_SHARE);
         if settled || helpless || grown.iter().any(|hypothesis| hypothesis.leaves_noise(case)) {
             break;
         }
         beam = grown;
     }
     watch("testing what was found", 0.9);
-    let (best, earned) = soundest(case, tried);
-    watch("looking for what could stand in", 0.95);
-    conclude(case, before, best, &earned)
+    soundest(case, tried)
 }
 
 /// The hypothesis of the lowest cost whose effects all earn their place.
@@ -213,8 +231,30 @@ fn soundest(case: &Case<'_>, mut tried: Vec<Hypothesis>) -> (Hypothesis, Vec<Ear
     }
 }
 
+/// What the records leave open.
+struct Open {
+    /// For each effect that was found, the hypotheses with another in its place that do as well.
+    stand_ins: Vec<Vec<Hypothesis>>,
+    /// For each declared fault, the effects whose presence would leave it undetermined.
+    confounded: Vec<Vec<&'static EffectInfo>>,
+}
+
+impl Open {
+    fn after(case: &Case<'_>, best: &Hypothesis, earned: &[Earned]) -> Self {
+        let prospects = best.look(case);
+        let confounded_with = |fault: usize| {
+            let mixed_up = |prospect: &&Prospect| best.confuses(case, prospect).nth(fault) == Some(true);
+            prospects.iter().filter(mixed_up).map(|prospect| prospect.effect).collect()
+        };
+        Self {
+            stand_ins: earned.iter().map(|earned| best.stand_ins(case, earned)).collect(),
+            confounded: (0..case.rig.faults.len()).map(confounded_with).collect(),
+        }
+    }
+}
+
 /// Puts the answer together.
-fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned]) -> Diagnosis {
+fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned], open: &Open) -> Diagnosis {
     let predictions = fit::predict(&best.rig, case.train());
     let noise_only = best.leaves_noise(case);
     let verdict = match (noise_only, earned.is_empty()) {
@@ -227,10 +267,9 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned]) -
     let explains = excess(&best.train.misfit) < (1.0 - NAMING_SHARE) * excess(&before.misfit);
     let inflation = if noise_only { 1.0 } else { inflation(case, &predictions, &best.train.misfit) };
     let estimates: Vec<Estimate> = best.estimates(inflation);
-    let stand_ins: Vec<Vec<Hypothesis>> = earned.iter().map(|earned| best.stand_ins(case, earned)).collect();
     let found: Vec<Found> = earned
         .iter()
-        .zip(&stand_ins)
+        .zip(&open.stand_ins)
         .map(|(earned, others)| Found {
             effect: earned.effect,
             class: std::iter::once(earned.effect)
@@ -245,20 +284,15 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned]) -
                 .collect(),
         })
         .collect();
-    let prospects = best.look(case);
-    let confounded_with = |fault: usize| {
-        let mixed_up = |prospect: &&Prospect| best.confuses(case, prospect).nth(fault) == Some(true);
-        prospects.iter().filter(mixed_up).map(|prospect| prospect.effect).collect()
-    };
     let faults = (0..case.rig.faults.len())
         .map(|index| {
             let mut estimate = estimates[index];
             // Whatever stands in for an effect has its own opinion of the faults: the interval holds them all.
-            for other in stand_ins.iter().flatten() {
+            for other in open.stand_ins.iter().flatten() {
                 let [lower, upper] = other.estimates(inflation)[index].ci95;
                 estimate.ci95 = [estimate.ci95[0].min(lower), estimate.ci95[1].max(upper)];
             }
-            Fault { estimate, confounded_with: confounded_with(index) }
+            Fault { estimate, confounded_with: open.confounded[index].clone() }
         })
         .collect();
     let left = (!noise_only).then(|| {
@@ -266,12 +300,12 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned]) -
         residual::describe(&case.train()[0], &predictions[0], &series[0])
     });
     let rig = Rig { parameters: before.parameters, ..case.rig.clone() };
-    let scores = |records: &[Prepared]| [score(case, &rig, records), score(case, &best.rig, records)];
+    let scores = |records: &[Prepared]| [score(&rig, records), score(&best.rig, records)];
     Diagnosis {
         verdict,
         faults,
         found,
-        noise: case.noise,
+        noise: fit::pooled(case.train().iter().map(|record| record.noise)),
         train: scores(case.train()),
         holdout: (!case.holdout().is_empty()).then(|| scores(case.holdout())),
         residuals: residual::of_channels(case.train(), &predictions),
@@ -285,27 +319,13 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned]) -
 /// How much larger than white noise of the stated size what a model leaves counts: mean square times correlation time.
 fn inflation(case: &Case<'_>, predictions: &[Vec<Outputs<f64>>], misfit: &Misfit<f64>) -> f64 {
     let time = (0..MEASURED)
-        .filter(|&channel| case.noise[channel].is_finite())
         .map(|channel| fit::correlation_time(&residual::series(case.train(), predictions, channel)))
         .fold(1.0, f64::max);
     misfit.mean_square().max(1.0) * time
 }
 
-fn score(case: &Case<'_>, rig: &Rig, records: &[Prepared]) -> Score {
-    let predictions = fit::predict(rig, records);
-    let mut chi_square = 0.0;
-    let mut position_rms = f64::NAN;
-    for channel in (0..MEASURED).filter(|&channel| case.noise[channel].is_finite()) {
-        let values: Vec<f64> = residual::series(records, &predictions, channel)
-            .concat()
-            .into_iter()
-            .filter(|x| x.is_finite())
-            .collect();
-        let sum: f64 = values.iter().map(|x| x * x).sum();
-        if channel == 0 {
-            position_rms = (sum / values.len().max(1) as f64).sqrt();
-        }
-        chi_square += sum / (case.noise[channel] * case.noise[channel]);
-    }
-    Score { position_rms, chi_square }
+fn score(rig: &Rig, records: &[Prepared]) -> Score {
+    let series = residual::series(records, &fit::predict(rig, records), 0).concat();
+    let squares: Vec<f64> = series.iter().filter(|x| x.is_finite()).map(|x| x * x).collect();
+    Score { position_rms: (squares.iter().sum::<f64>() / squares.len() as f64).sqrt() }
 }

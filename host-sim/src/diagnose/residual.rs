@@ -45,23 +45,18 @@ pub fn of_channels(
 }
 
 /// Fall of chi-square from one model's predictions to another's, in each of some 64 blocks of the records.
-pub fn gains(
-    records: &[Prepared],
-    before: &[Vec<Outputs<f64>>],
-    after: &[Vec<Outputs<f64>>],
-    noise: [f64; MEASURED],
-) -> Vec<f64> {
+pub fn gains(records: &[Prepared], before: &[Vec<Outputs<f64>>], after: &[Vec<Outputs<f64>>]) -> Vec<f64> {
     let total: usize = records.iter().map(Prepared::len).sum();
     let length = total.div_ceil(BLOCKS).max(1);
     let mut gains = Vec::new();
     for index in 0..records.len() {
         let one = &records[index..=index];
         let mut blocks = vec![0.0; one[0].len().div_ceil(length)];
-        for channel in (0..MEASURED).filter(|&channel| noise[channel].is_finite()) {
+        for (channel, noise) in one[0].noise.into_iter().enumerate() {
             let before = series(one, &before[index..=index], channel).concat();
             let after = series(one, &after[index..=index], channel).concat();
             for (sample, (before, after)) in before.iter().zip(&after).enumerate() {
-                let gain = (before * before - after * after) / (noise[channel] * noise[channel]);
+                let gain = (before * before - after * after) / (noise * noise);
                 if gain.is_finite() {
                     blocks[sample / length] += gain;
                 }

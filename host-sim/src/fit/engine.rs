@@ -76,7 +76,6 @@ pub fn on_records<J: Job>(
     rig: &Rig,
     ranges: &[Range],
     records: &[Prepared],
-    noise: [f64; 4],
     tolerance: f64,
     job: J,
 ) -> J::Output {
@@ -86,8 +85,7 @@ pub fn on_records<J: Job>(
         .map(|range| Free { parameter: range.parameter, lower: range.lower, upper: range.upper })
         .collect();
     let records: Vec<_> = records.iter().map(Prepared::as_core).collect();
-    let problem =
-        Problem { form: rig.form, parameters: rig.parameters, free: &free, records: &records, noise };
+    let problem = Problem { form: rig.form, parameters: rig.parameters, free: &free, records: &records };
     match Engine::of(&problem) {
         Engine::Base => job.run(&problem, &mut steppers(&problem, Base::new)),
         Engine::Full => job.run(&problem, &mut steppers(&problem, Full::new)),

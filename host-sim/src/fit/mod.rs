@@ -5,9 +5,9 @@ mod noise;
 mod polish;
 mod prepare;
 
-pub use noise::{NoiseSource, correlation_time, estimate, quantum, residual_series};
+pub use noise::{NoiseSource, correlation_time, noise_of, noise_source, pooled, quantum, residual_series};
 pub use polish::{Polished, approach, foresee, polish};
-pub use prepare::{Prepared, prepare};
+pub use prepare::{Prepared, prepare, prepare_with};
 
 use crate::interrupt;
 use crate::rig::{Range, Rig};
@@ -86,7 +86,7 @@ pub struct Fit {
     pub residual_rms: [Option<f64>; Channel::MEASURED.len()],
     /// What the fitted model predicts, sample by sample, for each record.
     pub predictions: Vec<Vec<Outputs<f64>>>,
-    /// Noise that was assumed for each measured channel; not finite where it is not used.
+    /// Noise that was assumed for each measured channel, rms over the records; not finite where it is not used.
     pub noise: [f64; Channel::MEASURED.len()],
     /// Evaluations of the model.
     pub evaluations: u32,
@@ -161,16 +161,15 @@ pub fn fit(
     rig: &Rig,
     ranges: &[Range],
     records: &[Prepared],
-    noise: [f64; 4],
     settings: &FitSettings,
     mut watch: impl FnMut(Standing),
 ) -> Fit {
-    on_records(rig, ranges, records, noise, FIT_TOLERANCE, Search { settings, watch: &mut watch })
+    on_records(rig, ranges, records, FIT_TOLERANCE, Search { settings, watch: &mut watch })
 }
 
 /// What a model with given parameters predicts for each record.
 pub fn predict(rig: &Rig, records: &[Prepared]) -> Vec<Vec<Outputs<f64>>> {
-    on_records(rig, &[], records, [f64::INFINITY; 4], FIT_TOLERANCE, Trace)
+    on_records(rig, &[], records, FIT_TOLERANCE, Trace)
 }
 
 struct Trace;
@@ -274,7 +273,7 @@ fn search<S: Stepper<f64>>(
         misfit,
         residual_rms: noise::residual_rms(problem.records, &predictions),
         predictions,
-        noise: problem.noise,
+        noise: pooled(problem.records.iter().map(|record| record.noise)),
         evaluations: identification.evaluations(),
         generations: identification.search().generations(),
         seconds: started.elapsed().as_secs_f64(),

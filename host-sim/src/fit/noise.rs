@@ -23,25 +23,40 @@ pub enum NoiseSource {
     Absent,
 }
 
-/// Standard deviation of the noise of each measured channel, in its unit, and where it comes from: the rig's, else the
-/// root mean square over the records of what each shows; infinite where no record has the channel.
-pub fn estimate(rig: &Rig, records: &[Recorded]) -> ([f64; MEASURED], [NoiseSource; MEASURED]) {
-    let mut noise = [f64::INFINITY; MEASURED];
-    let mut source = [NoiseSource::Absent; MEASURED];
-    for (index, channel) in Channel::MEASURED.into_iter().enumerate() {
-        let shown: Vec<f64> =
-            records.iter().filter_map(|record| record.channel(channel)).map(of_series).collect();
-        if shown.is_empty() {
-            continue;
-        }
-        (noise[index], source[index]) = if let Some(known) = rig.noise_of(channel) {
-            (known, NoiseSource::Rig)
+/// Standard deviation of the noise of each measured channel of a record, in its unit: the rig's, else what the record
+/// shows; infinite where it lacks the channel.
+pub fn noise_of(rig: &Rig, record: &Recorded) -> [f64; MEASURED] {
+    std::array::from_fn(|index| {
+        let channel = Channel::MEASURED[index];
+        record.channel(channel).map_or(f64::INFINITY, |values| {
+            rig.noise_of(channel).unwrap_or_else(|| of_series(values).max(SMALLEST[index]))
+        })
+    })
+}
+
+/// Where the noise of each measured channel of records comes from.
+pub fn noise_source(rig: &Rig, records: &[Recorded]) -> [NoiseSource; MEASURED] {
+    Channel::MEASURED.map(|channel| {
+        if records.iter().all(|record| record.channel(channel).is_none()) {
+            NoiseSource::Absent
+        } else if rig.noise_of(channel).is_some() {
+            NoiseSource::Rig
         } else {
-            let mean = shown.iter().map(|value| value * value).sum::<f64>() / shown.len() as f64;
-            (mean.sqrt().max(SMALLEST[index]), NoiseSource::Estimated)
-        };
+            NoiseSource::Estimated
+        }
+    })
+}
+
+/// Root mean square, over records, of the noise of each channel; infinite where no record has the channel.
+pub fn pooled(records: impl Iterator<Item = [f64; MEASURED]>) -> [f64; MEASURED] {
+    let mut sums = [(0.0, 0_usize); MEASURED];
+    for noise in records {
+        for ((sum, count), noise) in sums.iter_mut().zip(noise).filter(|(_, noise)| noise.is_finite()) {
+            *sum += noise * noise;
+            *count += 1;
+        }
     }
-    (noise, source)
+    sums.map(|(sum, count)| if count == 0 { f64::INFINITY } else { (sum / count as f64).sqrt() })
 }
 
 /// Standard deviation of the white part of a series.

@@ -50,27 +50,15 @@ const NARROW: f64 = 100.0;
 const MOST_NARROWED: usize = 8;
 
 /// A few steps towards the bottom of the basin, with the tolerance of a look.
-pub fn approach(
-    rig: &Rig,
-    ranges: &[Range],
-    start: &[f64],
-    records: &[Prepared],
-    noise: [f64; 4],
-) -> Option<Polished> {
-    on_records(rig, ranges, records, noise, LOOK_TOLERANCE, Polish { start, steps: FIRST_STEPS })
+pub fn approach(rig: &Rig, ranges: &[Range], start: &[f64], records: &[Prepared]) -> Option<Polished> {
+    on_records(rig, ranges, records, LOOK_TOLERANCE, Polish { start, steps: FIRST_STEPS })
 }
 
 /// Goes to the bottom of the basin; none where the records hold nothing to compare.
-pub fn polish(
-    rig: &Rig,
-    ranges: &[Range],
-    start: &[f64],
-    records: &[Prepared],
-    noise: [f64; 4],
-) -> Option<Polished> {
+pub fn polish(rig: &Rig, ranges: &[Range], start: &[f64], records: &[Prepared]) -> Option<Polished> {
     let settings = Settings::<f64>::default();
     let go = |ranges: &[Range], start: &[f64]| {
-        on_records(rig, ranges, records, noise, FIT_TOLERANCE, Polish { start, steps: settings.steps })
+        on_records(rig, ranges, records, FIT_TOLERANCE, Polish { start, steps: settings.steps })
     };
     let mut found = go(ranges, start)?;
     for _ in 0..MOST_NARROWED {
@@ -81,8 +69,8 @@ pub fn polish(
         }
         found = go(&narrow, &found.values)?;
         let at_an_edge = ranges.iter().zip(&narrow).zip(&found.values).any(|((range, narrow), value)| {
-            (narrow.lower > range.lower && *value <= narrow.lower)
-                || (narrow.upper < range.upper && *value >= narrow.upper)
+            let [below, above] = narrow.at_edge(*value);
+            (below && narrow.lower > range.lower) || (above && narrow.upper < range.upper)
         });
         if !at_an_edge {
             break;
@@ -106,14 +94,8 @@ fn narrowed(range: Range, found: &Polished, index: usize) -> Range {
 
 /// What the linear model at each start foresees, without going there: one evaluation of the normal equations a start.
 /// A start at which the records say nothing about a parameter is left out.
-pub fn foresee(
-    rig: &Rig,
-    ranges: &[Range],
-    starts: &[Vec<f64>],
-    records: &[Prepared],
-    noise: [f64; 4],
-) -> Vec<Polished> {
-    on_records(rig, ranges, records, noise, LOOK_TOLERANCE, Foresee { starts })
+pub fn foresee(rig: &Rig, ranges: &[Range], starts: &[Vec<f64>], records: &[Prepared]) -> Vec<Polished> {
+    on_records(rig, ranges, records, LOOK_TOLERANCE, Foresee { starts })
 }
 
 type Genes = [f64; MAX_FREE];

@@ -1,5 +1,6 @@
 //! A record made ready for the core: inputs joined, start state found, settling marked.
 
+use super::noise::noise_of;
 use crate::record::Record;
 use crate::rig::Rig;
 use eha_monitor::channel::Channel;
@@ -17,6 +18,10 @@ const START_SIGMA: f64 = 4.0;
 const SETTLE_S: f64 = 0.1;
 /// Time at the start of a record from which an offset of the command is taken, s.
 const OFFSET_S: f64 = 0.5;
+/// Pieces that are cut from a long record, their length, s, and how much of it is not compared, s.
+const PIECES: usize = 8;
+const PIECE_S: f64 = 1.25;
+const PIECE_SETTLE_S: f64 = 0.25;
 /// Half width, in samples, of the line that gives position and velocity at a restart.
 const RESTART_REACH: usize = 12;
 
@@ -28,6 +33,8 @@ pub struct Prepared {
     command: Vec<f64>,
     force: Vec<f64>,
     measured: [Vec<f64>; MEASURED],
+    /// Standard deviation of the noise of each measured channel, in its unit; infinite where it is absent or not used.
+    pub noise: [f64; MEASURED],
     starts: Vec<Start<f64>>,
     stretch: usize,
     settle: usize,
@@ -41,10 +48,49 @@ impl Prepared {
             command: &self.command,
             force: &self.force,
             measured: std::array::from_fn(|index| self.measured[index].as_slice()),
+            noise: self.noise,
             stretch: self.stretch,
             starts: &self.starts,
             settle: self.settle,
         }
+    }
+
+    /// Pieces from all over a record that is long: enough to search with, in a time that does not grow with its length.
+    /// None where the record is short enough itself.
+    ///
+    /// Each piece starts anew from the measured position and velocity, and is compared once that is forgotten.
+    pub fn excerpt(&self) -> Option<Self> {
+        let is_whole = self.stretch >= self.len();
+        let (stretch, settle) = if is_whole {
+            let samples = |seconds: f64| (seconds / self.sample_period) as usize;
+            (samples(PIECE_S).max(1), samples(PIECE_SETTLE_S))
+        } else {
+            (self.stretch, self.settle)
+        };
+        let available = self.len() / stretch;
+        let wanted = (PIECES as f64 * PIECE_S / (stretch as f64 * self.sample_period)) as usize;
+        if available < 2 * wanted.max(1) {
+            return None;
+        }
+        let at: Vec<usize> =
+            (0..wanted.max(1)).map(|piece| piece * available / wanted.max(1) * stretch).collect();
+        let cut = |values: &Vec<f64>| -> Vec<f64> {
+            at.iter().filter_map(|&at| values.get(at..at + stretch)).flatten().copied().collect()
+        };
+        let start = |&at: &usize| match at / stretch {
+            piece if !is_whole || piece == 0 => self.starts[piece],
+            _ => moving_start(&self.measured[0], at, self.sample_period),
+        };
+        Some(Self {
+            sample_period: self.sample_period,
+            command: cut(&self.command),
+            force: cut(&self.force),
+            measured: self.measured.each_ref().map(cut),
+            noise: self.noise,
+            starts: at.iter().map(start).collect(),
+            stretch,
+            settle,
+        })
     }
 
     /// Number of samples.
@@ -68,13 +114,18 @@ impl Prepared {
     }
 }
 
-/// Makes a record ready for a rig, given the noise of its user position, m.
+/// Makes a record ready for a rig; the noise is what the rig states or the record shows.
+pub fn prepare(rig: &Rig, record: &Record) -> Prepared {
+    prepare_with(rig, record, noise_of(rig, record))
+}
+
+/// Makes a record ready for a rig, given the noise of its measured channels.
 ///
 /// Where the rig says that commands carry an offset, it is removed.
 ///
 /// A closed loop starts at rest where the command is, if the first sample agrees with that (the next ones may be moving
 /// already); else where the first samples are, and the first 0.1 s is not compared. An open loop starts anew from the measured position and velocity at each restart.
-pub fn prepare(rig: &Rig, record: &Record, position_noise: f64) -> Prepared {
+pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepared {
     let values = |channel: Channel| record.channel(channel).map(<[f64]>::to_vec);
     let mut command = values(Channel::Command).unwrap_or_default();
     let position = values(Channel::UserPosition).unwrap_or_default();
@@ -110,19 +161,19 @@ pub fn prepare(rig: &Rig, record: &Record, position_noise: f64) -> Prepared {
             position.iter().copied().filter(|x| x.is_finite()).take(START_SAMPLES).collect();
         let mean = first.iter().sum::<f64>() / first.len().max(1) as f64;
         let commanded = command.first().copied().unwrap_or(mean);
-        let at_command = first.first().is_none_or(|x| (x - commanded).abs() <= START_SIGMA * position_noise);
+        let at_command = first.first().is_none_or(|x| (x - commanded).abs() <= START_SIGMA * noise[0]);
         if at_command {
-            (vec![Start { ram: commanded, velocity: 0.0 }], command.len(), 0)
+            (vec![Start { ram: commanded, ..Start::default() }], command.len(), 0)
         } else {
             let settle = ((SETTLE_S / sample_period) as usize).min(command.len() / 4);
-            (vec![Start { ram: mean, velocity: 0.0 }], command.len(), settle)
+            (vec![Start { ram: mean, ..Start::default() }], command.len(), settle)
         }
     };
     let measured = Channel::MEASURED.map(|channel| values(channel).unwrap_or_default());
-    Prepared { sample_period, command, force, measured, starts, stretch, settle }
+    Prepared { sample_period, command, force, measured, noise, starts, stretch, settle }
 }
 
-/// Position and velocity at a sample, from a parabola through the samples around it.
+/// Time, position and velocity at a sample, from a parabola through the samples around it.
 fn moving_start(position: &[f64], at: usize, sample_period: f64) -> Start<f64> {
     let low = at.saturating_sub(RESTART_REACH);
     let high = (at + RESTART_REACH + 1).min(position.len());
@@ -140,5 +191,5 @@ fn moving_start(position: &[f64], at: usize, sample_period: f64) -> Start<f64> {
         side += basis * value;
     }
     let solution = matrix.cholesky().map_or_else(nalgebra::Vector3::zeros, |factor| factor.solve(&side));
-    Start { ram: solution[0], velocity: solution[1] / scale }
+    Start { time: at as f64 * sample_period, ram: solution[0], velocity: solution[1] / scale }
 }

@@ -82,7 +82,7 @@ impl Question<'_> {
 
     /// What sets of channels would tell under the command of a record; those that its rig has.
     pub fn of_record(&self, record: &Record) -> Vec<Promise> {
-        let prepared = fit::prepare(self.rig, record, self.noise_used()[0]);
+        let prepared = fit::prepare_with(self.rig, record, self.noise_used());
         let Some(full) = self.imagined(&prepared, record) else { return Vec::new() };
         let force = self.rig.form.drive == Drive::Force;
         SETS.into_iter()
@@ -128,7 +128,7 @@ impl Question<'_> {
                     return None;
                 }
                 let record = flown(info.name, &excitation).ok()?;
-                let prepared = fit::prepare(self.rig, &record, self.noise_used()[0]);
+                let prepared = fit::prepare_with(self.rig, &record, self.noise_used());
                 let full = self.imagined(&prepared, &record)?;
                 // Flown again until it is as long as the record, a command says as much more each time.
                 let again = (duration_s / (record_s.max(duration_s))).sqrt();
@@ -169,17 +169,18 @@ impl Question<'_> {
             channels.push((channel, outputs.iter().map(|output| output.to_array()[index]).collect()));
         }
         let full = Record::new(record.name(), prepared.sample_period, 0.0, channels).ok()?;
-        Some(fit::prepare(self.rig, &full, self.noise_used()[0]))
+        Some(fit::prepare_with(self.rig, &full, self.noise_used()))
     }
 
     fn standard_errors(&self, full: &Prepared, set: &[usize]) -> Vec<f64> {
         let used = self.noise_used();
         let noise =
             std::array::from_fn(|index| if set.contains(&index) { used[index] } else { f64::INFINITY });
+        let mut records = [full.clone()];
+        records[0].noise = noise;
         let start: Vec<f64> =
             self.ranges.iter().map(|range| self.rig.parameters.get(range.parameter)).collect();
-        let records = std::slice::from_ref(full);
-        match fit::foresee(self.rig, self.ranges, &[start], records, noise).pop() {
+        match fit::foresee(self.rig, self.ranges, &[start], &records).pop() {
             Some(foreseen) => (0..self.ranges.len()).map(|index| foreseen.standard_error(index)).collect(),
             None => vec![f64::NAN; self.ranges.len()],
         }

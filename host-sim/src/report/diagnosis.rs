@@ -35,7 +35,7 @@ pub(crate) struct Diagnosed<'a> {
 pub(crate) fn diagnosis(case: &Diagnosed<'_>) -> String {
     let (diagnosis, result) = (case.diagnosis, case.result);
     let prepare = |records: &[Record]| -> Vec<Prepared> {
-        records.iter().map(|record| fit::prepare(case.rig, record, diagnosis.noise[0])).collect()
+        records.iter().map(|record| fit::prepare(case.rig, record)).collect()
     };
     let (train, holdout) = (prepare(case.train), prepare(case.holdout));
     let before = Rig { parameters: diagnosis.before.parameters, ..case.rig.clone() };
@@ -70,9 +70,9 @@ pub(crate) fn diagnosis(case: &Diagnosed<'_>) -> String {
     let mut sections = vec![("What was found", found(diagnosis, result))];
     sections.push(("Faults", faults(diagnosis)));
     if !predicted.is_empty() {
-        sections.push(("Held-out records", figures::records(&predicted, &diagnosis.noise)));
+        sections.push(("Held-out records", figures::records(&predicted)));
     }
-    sections.push(("Fitted records", figures::records(&fitted, &diagnosis.noise)));
+    sections.push(("Fitted records", figures::records(&fitted)));
     sections.push(("What is left", figures::residual_tests(&fitted, 0, diagnosis.noise[0])));
     sections.push((
         "Search for the declared faults, before",

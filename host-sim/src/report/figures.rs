@@ -70,7 +70,8 @@ fn heights(layers: &[Layer]) -> impl Iterator<Item = f64> {
 }
 
 /// A channel of a record against the last of its models, then what is left, of every model.
-pub(super) fn record(compared: &Compared<'_>, channel: usize, noise: f64) -> Markup {
+pub(super) fn record(compared: &Compared<'_>, channel: usize) -> Markup {
+    let noise = compared.prepared.noise[channel];
     let info = Channel::MEASURED[channel].info();
     let what = info.description.split(',').next().unwrap_or(info.column);
     let mut layers = vec![Layer::Curve(
@@ -125,11 +126,11 @@ pub(super) fn record(compared: &Compared<'_>, channel: usize, noise: f64) -> Mar
 }
 
 /// Every channel of every record, with its noise.
-pub(super) fn records(all: &[Compared<'_>], noise: &[f64]) -> Markup {
+pub(super) fn records(all: &[Compared<'_>]) -> Markup {
     html! {
         @for compared in all.iter().take(MOST_RECORDS) {
-            @for channel in (0..noise.len()).filter(|&channel| compared.has(channel) && noise[channel].is_finite()) {
-                (record(compared, channel, noise[channel]))
+            @for channel in (0..Channel::MEASURED.len()).filter(|&channel| compared.has(channel)) {
+                (record(compared, channel))
             }
         }
         @if all.len() > MOST_RECORDS {

@@ -91,7 +91,7 @@ pub(crate) fn identification(result: &Identified<'_>) -> String {
         tiles,
         sections: vec![
             ("Estimates", estimates),
-            ("Record against model", figures::records(&compared, &fit.noise)),
+            ("Record against model", figures::records(&compared)),
             ("What is left", figures::residual_tests(&compared, 0, fit.noise[0])),
             ("Search", search(fit, result.rig, result.ranges, result.prepared, result.population)),
         ],

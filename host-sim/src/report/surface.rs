@@ -33,7 +33,7 @@ impl Surface {
     pub(super) fn over(ranges: [Range; 2], rig: &Rig, fit: &Fit, records: &[Prepared]) -> Option<Self> {
         let rig = Rig { parameters: fit.parameters, ..rig.clone() };
         let samples: usize = records.iter().map(Prepared::len).sum();
-        let engine = on_records(&rig, &ranges, records, fit.noise, FIT_TOLERANCE, Which);
+        let engine = on_records(&rig, &ranges, records, FIT_TOLERANCE, Which);
         let affine = matches!(engine, Engine::Base | Engine::Full);
         let most = if affine { AFFINE_SAMPLES } else { CURVED_SAMPLES };
         let side = ((most as f64 / samples.max(1) as f64).sqrt() as usize).clamp(CELLS[0], CELLS[1]);
@@ -42,7 +42,7 @@ impl Surface {
         }
         let rows: Vec<Vec<(f64, u32)>> = (0..side)
             .into_par_iter()
-            .map(|row| on_records(&rig, &ranges, records, fit.noise, FIT_TOLERANCE, Line { row, side }))
+            .map(|row| on_records(&rig, &ranges, records, FIT_TOLERANCE, Line { row, side }))
             .collect();
         let edges = |range: &Range| -> Vec<f64> {
             (0..=side).map(|k| range.lower + (range.upper - range.lower) * k as f64 / side as f64).collect()

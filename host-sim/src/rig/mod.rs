@@ -38,6 +38,12 @@ impl Range {
         }
         Ok(Self { parameter, lower, upper })
     }
+
+    /// Is a value that a search gave at the lower, at the upper edge, but for rounding?
+    pub fn at_edge(&self, value: f64) -> [bool; 2] {
+        let rounding = 1e-9 * (self.upper - self.lower);
+        [value <= self.lower + rounding, value >= self.upper - rounding]
+    }
 }
 
 /// Everything that is known of an actuator before a record is fitted.

@@ -65,7 +65,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
 }
 
 fn look(rig: &Rig, ranges: &[Range], record: Record) -> Checked {
-    let (noise, _) = fit::estimate(rig, std::slice::from_ref(&record));
+    let noise = fit::noise_of(rig, &record);
     let question = Question { rig, ranges, noise };
     let promises = question.of_record(&record);
     let trials = question.of_commands(&record);

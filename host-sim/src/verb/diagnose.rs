@@ -72,20 +72,15 @@ pub(super) struct Job<'a> {
 impl Job<'_> {
     pub(super) fn run(&self) -> Result<(Diagnosis, Value), Failure> {
         let started = Instant::now();
-        let (noise, _) = fit::estimate(&self.rig, &self.train);
-        let records: Vec<Prepared> = self
-            .train
-            .iter()
-            .chain(&self.holdout)
-            .map(|record| fit::prepare(&self.rig, record, noise[0]))
-            .collect();
+        let records: Vec<Prepared> =
+            self.train.iter().chain(&self.holdout).map(|record| fit::prepare(&self.rig, record)).collect();
         let known_noise = Channel::MEASURED.map(|channel| self.rig.noise_of(channel));
         if self.rig.faults.is_empty() && self.rig.free.is_empty() {
             return Err(Failure::usage(
                 "the rig declares no fault and no free parameter: there is nothing to fit",
             ));
         }
-        let case = Case { rig: &self.rig, records: &records, fitted: self.train.len(), noise, known_noise };
+        let case = Case { rig: &self.rig, records: &records, fitted: self.train.len(), known_noise };
         let settings = FitSettings { seed: self.common.seed, ..FitSettings::default() };
         let bar = output::bar(self.common, 100, "diagnosing");
         let diagnosis = diagnose(&case, &settings, &|what, share| {
@@ -189,7 +184,7 @@ impl Job<'_> {
             })
         })?;
         if let (Some(path), Some(record)) = (prediction, self.holdout.first()) {
-            let prepared = [fit::prepare(&self.rig, record, diagnosis.noise[0])];
+            let prepared = [fit::prepare(&self.rig, record)];
             let mut text = String::from("t_s,lvdt_m\n");
             for (sample, output) in fit::predict(&diagnosis.rig, &prepared).concat().iter().enumerate() {
                 let _ = writeln!(text, "{},{}", record.time_s(sample), output.user);
@@ -202,7 +197,7 @@ impl Job<'_> {
     /// The fitted records against the model before and after.
     fn trace(&self, diagnosis: &Diagnosis) -> Trace {
         let prepared: Vec<Prepared> =
-            self.train.iter().map(|record| fit::prepare(&self.rig, record, diagnosis.noise[0])).collect();
+            self.train.iter().map(|record| fit::prepare(&self.rig, record)).collect();
         let models: [(&str, &[_]); 2] =
             [("before", &diagnosis.before.predictions), ("after", &diagnosis.predictions)];
         Trace::new(&self.train, &prepared, &models)

@@ -115,7 +115,7 @@ fn session(common: &Common, options: &Options, rig: &Rig) -> Result<Session, Fai
         let records = options.input.read(common, std::slice::from_ref(path))?;
         let record = records.first().ok_or_else(|| Failure::data("no record"))?;
         sample_period = record.sample_period_s();
-        let (estimated, _) = crate::fit::estimate(rig, &records);
+        let estimated = crate::fit::noise_of(rig, record);
         noise[0] = noise[0].or(Some(estimated[0]));
         noise[1] = noise[1].or(Some(estimated[2]));
         of_record(record)?

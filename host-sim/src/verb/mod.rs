@@ -176,11 +176,11 @@ fn fit_records(
     let rig = rig(common, default_rig)?;
     let ranges = with_bounds(&choose(&rig), &options.bounds)?;
     let records = options.input.read(common, &options.records)?;
-    let (noise, noise_source) = fit::estimate(&rig, &records);
-    let prepared: Vec<Prepared> = records.iter().map(|record| fit::prepare(&rig, record, noise[0])).collect();
+    let noise_source = fit::noise_source(&rig, &records);
+    let prepared: Vec<Prepared> = records.iter().map(|record| fit::prepare(&rig, record)).collect();
     let settings = FitSettings { seed: common.seed, population: options.population, budget: options.budget };
     let bar = output::bar(common, u64::from(options.budget), "identifying");
-    let fit = fit::fit(&rig, &ranges, &prepared, noise, &settings, |standing| {
+    let fit = fit::fit(&rig, &ranges, &prepared, &settings, |standing| {
         output::show_standing(&bar, standing);
     });
     bar.finish_and_clear();

@@ -146,9 +146,9 @@ fn fly(
 }
 
 fn identify(seed: u64, case: &Case, record: &Record, rig: &Rig) -> Fit {
-    let prepared = [fit::prepare(rig, record, NOISE[0])];
+    let prepared = [fit::prepare_with(rig, record, NOISE)];
     let settings = FitSettings { seed, population: case.population, ..FitSettings::default() };
-    fit::fit(rig, &case.ranges(), &prepared, NOISE, &settings, |_| {})
+    fit::fit(rig, &case.ranges(), &prepared, &settings, |_| {})
 }
 
 fn faults(fit: &Fit) -> (f64, f64) {
@@ -339,20 +339,14 @@ impl Variant {
         let case = Case { bkl: 2e-4, fdj: 800.0, fdj_bounds: self.fdj_bounds, ..CASES[1] };
         let record = record(self.command, case.bkl, case.fdj, false)?;
         let rig: Rig = (BUILT_IN[0].make)();
-        let prepared = fit::prepare(&rig, &record, NOISE[0]);
+        let prepared = fit::prepare_with(&rig, &record, NOISE);
         let free: Vec<Free<f64>> = case
             .ranges()
             .iter()
             .map(|range| Free { parameter: range.parameter, lower: range.lower, upper: range.upper })
             .collect();
         let records = [prepared.as_core()];
-        let problem = Problem {
-            form: rig.form,
-            parameters: rig.parameters,
-            free: &free,
-            records: &records,
-            noise: NOISE,
-        };
+        let problem = Problem { form: rig.form, parameters: rig.parameters, free: &free, records: &records };
         let mut stepper = Exact::<f64, BASE_ORDER, 32>::new();
         let mut errors: Vec<f64> = (first_seed..first_seed + SEEDS)
             .map(|seed| {

@@ -128,6 +128,13 @@ impl Case {
     pub(crate) fn refit(&self, truth: &Truth) -> Left {
         let rig = Rig::load("eha").unwrap();
         let truth_rig = Rig { parameters: truth.parameters, ..rig.clone() };
+        let noise = std::array::from_fn(|index| {
+            if self.set.channels.contains(&Channel::MEASURED[index]) {
+                self.noise[index]
+            } else {
+                f64::INFINITY
+            }
+        });
         let prepared: Vec<Prepared> = self
             .train
             .iter()
@@ -136,7 +143,11 @@ impl Case {
                 let channels =
                     vec![(Channel::Command, command.clone()), (Channel::UserPosition, command.clone())];
                 let blank = Record::new("blank", PERIOD, 0.0, channels).unwrap();
-                let outputs = fit::predict(&truth_rig, &[fit::prepare(&rig, &blank, 1e-6)]).concat();
+                let outputs = fit::predict(
+                    &truth_rig,
+                    &[fit::prepare_with(&rig, &blank, [1e-6; Channel::MEASURED.len()])],
+                )
+                .concat();
                 let mut channels = vec![(Channel::Command, command)];
                 for (index, channel) in Channel::MEASURED.into_iter().enumerate() {
                     if self.set.channels.contains(&channel) {
@@ -145,18 +156,11 @@ impl Case {
                     }
                 }
                 let record = Record::new("noise-free", PERIOD, 0.0, channels).unwrap();
-                fit::prepare(&rig, &record, self.noise[0])
+                fit::prepare_with(&rig, &record, noise)
             })
             .collect();
-        let noise = std::array::from_fn(|index| {
-            if self.set.channels.contains(&Channel::MEASURED[index]) {
-                self.noise[index]
-            } else {
-                f64::INFINITY
-            }
-        });
         let start = [truth.parameters.bkl, truth.parameters.fdj];
-        let fit = fit::polish(&rig, &rig.faults, &start, &prepared, noise).unwrap();
+        let fit = fit::polish(&rig, &rig.faults, &start, &prepared).unwrap();
         let predictions = fit::predict(&fit.applied(&rig, &rig.faults), &prepared);
         let residuals = diagnose::residual::of_channels(&prepared, &predictions);
         let largest = residuals
@@ -205,11 +209,9 @@ impl Case {
         let plant = self.plant();
         let records: Vec<Record> = (0..3).map(|index| self.record(&plant, index)).collect();
         let rig = Rig::load("eha").unwrap();
-        let (noise, _) = fit::estimate(&rig, &records[..2]);
-        let prepared: Vec<Prepared> =
-            records.iter().map(|record| fit::prepare(&rig, record, noise[0])).collect();
+        let prepared: Vec<Prepared> = records.iter().map(|record| fit::prepare(&rig, record)).collect();
         let known_noise = [None; Channel::MEASURED.len()];
-        let case = diagnose::Case { rig: &rig, records: &prepared, fitted: 2, noise, known_noise };
+        let case = diagnose::Case { rig: &rig, records: &prepared, fitted: 2, known_noise };
         diagnose::diagnose(&case, &FitSettings::default(), &|_, _| {})
     }
 

@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 const SIZES: [f64; 3] = [0.5, 1.0, 2.0];
 /// Size of each of two effects, in their floors.
 const PAIR_SIZE: f64 = 4.0;
-/// Channels of the rows that have one set of them.
+/// Channels of the pairs, and of what is outside the catalogue.
 const USUAL: &ChannelSet = &CHANNEL_SETS[1];
 /// Clean actuators for each set of channels.
 const CLEAN: u64 = 8;
@@ -102,7 +102,11 @@ pub(crate) fn sections() -> Vec<Section> {
         Section {
             title: "One effect, at half, once and twice its floor",
             columns: &["effect", "channels", "half", "once", "twice"],
-            rows: shown(EFFECTS.iter().map(|effect| Row::single(effect.name, USUAL))),
+            rows: shown(
+                CHANNEL_SETS
+                    .iter()
+                    .flat_map(|set| EFFECTS.iter().map(|effect| Row::single(effect.name, set))),
+            ),
             is_right: |outcome| matches!(outcome, Outcome::Named(_)),
         },
         Section {

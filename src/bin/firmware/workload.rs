@@ -72,7 +72,7 @@ pub(crate) fn run(platform: &mut impl Platform, memory: &mut Memory) {
     let hf = Model::new(Form::default(), &Parameters { metering_blend: 1.0, ..monitored });
 
     platform.measure("lf", "sampling", || samples.take(&lf, stepper, &command, PERIOD));
-    measure_quiet_sample(platform, &lf, &samples.record(), stepper);
+    measure_quiet_sample(platform, &lf, &samples.record(&NOISE), stepper);
     samples.disturb(&NOISE, NOISE_SEED);
     measure_generation(platform, samples, stepper);
     identify(platform, "lf", samples, stepper);
@@ -111,13 +111,7 @@ fn measure_quiet_sample(
 
 /// What is fitted to the samples.
 fn problem<'a>(records: &'a [Record<'a, f32>]) -> Problem<'a, f32> {
-    Problem {
-        form: Form::default(),
-        parameters: Parameters::default(),
-        free: &FREE,
-        records,
-        noise: NOISE.of_channels(),
-    }
+    Problem { form: Form::default(), parameters: Parameters::default(), free: &FREE, records }
 }
 
 /// Reports what a generation costs: as many children as the population has members.
@@ -126,7 +120,7 @@ fn measure_generation(
     samples: &Samples<f32, SAMPLES>,
     stepper: &mut MonitorStepper,
 ) {
-    let records = [samples.record()];
+    let records = [samples.record(&NOISE)];
     let problem = problem(&records);
     let mut search = SteadyState::<f32, { FREE.len() }, POPULATION>::new(
         SearchSettings::default(),
@@ -167,7 +161,7 @@ fn identify(
     samples: &Samples<f32, SAMPLES>,
     stepper: &mut MonitorStepper,
 ) {
-    let records = [samples.record()];
+    let records = [samples.record(&NOISE)];
     let problem = problem(&records);
     let truth = [FREE[0].gene(FAULTS[0]), FREE[1].gene(FAULTS[1])];
     let misfit = platform.measure(trial, "evaluation", || problem.misfit(&truth, stepper));
