@@ -93,6 +93,18 @@ const HALF: [f64; 2] = [530.0, 270.0];
 /// Mean width of a digit in the labels.
 const DIGIT: f64 = 6.8;
 
+/// Title and legend of a figure.
+pub(super) fn caption(title: &str, legend: &[(Role, String)]) -> Markup {
+    html! {
+        figcaption {
+            span.title { (title) }
+            @if !legend.is_empty() {
+                span.legend { @for (role, name) in legend { span.item { i.(role.class()) {} (name) } } }
+            }
+        }
+    }
+}
+
 /// The area of the data inside a drawing.
 struct Area {
     left: f64,
@@ -112,14 +124,7 @@ impl Plot {
         let x_ticks = self.x.ticks((area.width / 75.0) as usize);
         html! {
             figure.card .wide[self.wide] {
-                figcaption {
-                    span.title { (self.title) }
-                    @if !self.legend.is_empty() {
-                        span.legend { @for (role, name) in &self.legend {
-                            span.item { i.(role.class()) {} (name) }
-                        } }
-                    }
-                }
+                (caption(&self.title, &self.legend))
                 div.drawing {
                     svg viewBox=(format!("0 0 {width} {height}")) role="img" aria-label=(self.title) {
                         (area.axes(&x_ticks, &y_ticks, &self.x.title, &self.y.title))

@@ -1,6 +1,6 @@
 //! Named rows with a bar from zero, or a point with its interval, along one axis, as inline SVG.
 
-use super::plot::Role;
+use super::plot::{Role, caption};
 use super::scale::Axis;
 use maud::{Markup, html};
 
@@ -75,14 +75,7 @@ impl Rows {
             |value: f64| self.axis.place(value).map_or(left, |place| left + place.clamp(0.0, 1.0) * span);
         html! {
             figure.card .wide[self.wide] {
-                figcaption {
-                    span.title { (self.title) }
-                    @if !self.legend.is_empty() {
-                        span.legend { @for (role, name) in &self.legend {
-                            span.item { i.(role.class()) {} (name) }
-                        } }
-                    }
-                }
+                (caption(&self.title, &self.legend))
                 div.drawing {
                     svg viewBox=(format!("0 0 {width} {:.0}", bottom + 46.0)) role="img" aria-label=(self.title) {
                         @for (place, label) in &ticks {
