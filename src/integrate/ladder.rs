@@ -6,6 +6,9 @@
 //! A product is kept as increments, `exp(A h) - 1`, which loses nothing to rounding where `exp(A h)` is close to 1:
 //! in `f32` this keeps a simulated second within some nanometres of `f64`. For the same reason ram and command enter
 //! as their difference: a loop that does not know where it is (no spring load) then has a column of exact zeros.
+//!
+//! The matrices depend on the rig; `FDJ` and `BKL` do not change them, so one [`Cache`] serves every candidate of a
+//! search.
 
 use crate::model::Model;
 use crate::model::state::{FULL_ORDER, Input, Mode, RAM, State};
@@ -13,6 +16,9 @@ use crate::scalar::Real;
 
 /// Terms of the series for the shortest step.
 const TERMS: u32 = 14;
+
+/// Longest coarsest step, s; a sample that lasts longer is taken in several.
+const LONGEST_STEP: f64 = 1.001e-3;
 
 /// A matrix by columns: a product then adds whole columns, which a vector unit does side by side.
 pub(super) type Columns<T, const N: usize> = [[T; N]; N];
@@ -62,8 +68,112 @@ impl<T: Real, const N: usize> Rung<T, N> {
     }
 
     /// What constant rates add.
-    pub(super) fn of_constants(&self, rate: &[T; N]) -> [T; N] {
+    fn of_constants(&self, rate: &[T; N]) -> [T; N] {
         apply(&self.constant, rate)
+    }
+}
+
+/// The steps of one mode.
+pub(super) trait Ladder<T, const N: usize, const RUNGS: usize> {
+    /// Makes the steps of a mode, the finest of a length in s.
+    fn new(model: &Model<T>, mode: &Mode, finest: T) -> Self;
+
+    /// Its affine part, the shortest step first.
+    fn rungs(&self) -> &[Rung<T, N>; RUNGS];
+}
+
+/// Ladders of up to `SLOTS` modes, made when a mode is first entered; results do not depend on `SLOTS`.
+#[derive(Clone, Debug)]
+pub(super) struct Cache<T, L, const N: usize, const RUNGS: usize, const SLOTS: usize> {
+    sample_period: T,
+    /// Length of a finest step, s.
+    pub(super) finest: T,
+    /// Finest steps in a sample.
+    pub(super) units: u32,
+    /// Ladders, each with the key of its mode.
+    slots: [Option<(u16, L)>; SLOTS],
+    /// Place of the next ladder that is made, and of the one in use.
+    next: usize,
+    slot: usize,
+    mode: Option<Mode>,
+    /// What the constant terms of the mode add, for each rung.
+    pub(super) constants: [[T; N]; RUNGS],
+}
+
+impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const SLOTS: usize>
+    Cache<T, L, N, RUNGS, SLOTS>
+{
+    /// A cache that holds nothing.
+    pub(super) const fn new() -> Self {
+        Self {
+            sample_period: T::ZERO,
+            finest: T::ZERO,
+            units: 0,
+            slots: [const { None }; SLOTS],
+            next: 0,
+            slot: 0,
+            mode: None,
+            constants: [[T::ZERO; N]; RUNGS],
+        }
+    }
+
+    /// Gets ready for a run; see [`Stepper::begin`](super::Stepper::begin). A coarsest step is a number of finest ones.
+    pub(super) fn begin(&mut self, sample_period: T, rig_changed: bool, finest_per_coarsest: u32) {
+        if rig_changed || sample_period != self.sample_period {
+            let mut repeats: u32 = 1;
+            while repeats < 1024 && sample_period > T::literal(LONGEST_STEP) * T::from_count(repeats) {
+                repeats += 1;
+            }
+            self.units = finest_per_coarsest * repeats;
+            self.finest = sample_period / T::from_count(self.units);
+            self.sample_period = sample_period;
+            self.slots = [const { None }; SLOTS];
+        }
+        self.mode = None;
+    }
+
+    /// Enters a mode; true if it is another one than before.
+    #[inline]
+    pub(super) fn enter(&mut self, model: &Model<T>, mode: &Mode) -> bool {
+        let is_other = self.mode != Some(*mode);
+        if is_other {
+            self.prepare(model, mode);
+        }
+        is_other
+    }
+
+    /// The ladder of the mode that was entered last.
+    #[inline(always)]
+    pub(super) fn ladder(&self) -> Option<&L> {
+        self.slots.get(self.slot)?.as_ref().map(|(_, ladder)| ladder)
+    }
+
+    fn holds(&self, slot: usize, key: u16) -> bool {
+        matches!(self.slots.get(slot), Some(Some((there, _))) if *there == key)
+    }
+
+    /// Finds or makes the ladder of a mode, and the constant terms of the mode on it.
+    #[cold]
+    fn prepare(&mut self, model: &Model<T>, mode: &Mode) {
+        let key = mode.key(model.has_directed_matrices());
+        if !self.holds(self.slot, key) {
+            self.slot = (0..SLOTS).find(|&slot| self.holds(slot, key)).unwrap_or_else(|| {
+                let slot = self.next;
+                self.next = (self.next + 1) % SLOTS;
+                if let Some(place) = self.slots.get_mut(slot) {
+                    *place = Some((key, L::new(model, mode, self.finest)));
+                }
+                slot
+            });
+        }
+        let rate = model.affine_rate(mode, &State::default(), &Input::default(), T::ONE);
+        let rate = rate.leading::<N>();
+        if let Some(Some((_, ladder))) = self.slots.get(self.slot) {
+            for (constants, rung) in self.constants.iter_mut().zip(ladder.rungs()) {
+                *constants = rung.of_constants(&rate);
+            }
+        }
+        self.mode = Some(*mode);
     }
 }
 
