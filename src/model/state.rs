@@ -180,38 +180,63 @@ fn compensated<T: Real>(sum: T, rest: T, change: T) -> (T, T) {
     (next, due - (next - sum))
 }
 
-/// The active piece of each piecewise law.
-///
-/// `0` is the interior (unsaturated, in the gap of a play, stuck); `1` and `-1` the side that is active (saturated,
-/// in contact, sliding in that direction); `2` and `-2` an end stop.
-#[derive(Clone, Copy, Debug, Default, Eq)]
-pub struct Mode {
-    /// Current at its limit.
-    pub current: i8,
-    /// Flapper at its stop (first-order valve: spool at its rate limit).
-    pub flapper: i8,
-    /// First-stage pressure at its limit.
-    pub first_stage: i8,
-    /// Spool sliding, stuck (0) or at its stop.
-    pub spool: i8,
-    /// Net pressure at its limit.
-    pub pressure: i8,
-    /// Jack sliding, stuck (0) or at its stop.
-    pub jack: i8,
-    /// Spool outside its dead zone.
-    pub overlap: i8,
-    /// Integrated error at its limit.
-    pub integral: i8,
-    /// Contact of the torque motor's hysteresis.
-    pub hysteresis: i8,
-    /// Contact of the feedback spring's play.
-    pub feedback_play: i8,
-    /// Contact of the backlash where the user position is fed back.
-    pub user_play: i8,
-    /// The step load is on (1) or not yet (0).
-    pub step_load: i8,
-    /// Direction in which the ram moves over ground, where the mount gives way.
-    pub ground: i8,
+macro_rules! mode {
+    ($(#[$attribute:meta])* { $( $(#[$meaning:meta])* $field:ident, )* }) => {
+        $(#[$attribute])*
+        #[derive(Clone, Copy, Debug, Default, Eq)]
+        pub struct Mode { $( $(#[$meaning])* pub $field: i8, )* }
+
+        impl Mode {
+            /// Number of laws.
+            pub const LAWS: usize = [$( stringify!($field) ),*].len();
+
+            /// The pieces of all laws.
+            #[inline(always)]
+            pub const fn to_array(&self) -> [i8; Self::LAWS] {
+                [$( self.$field ),*]
+            }
+
+            /// The pieces of all laws, to be changed.
+            pub const fn fields_mut(&mut self) -> [&mut i8; Self::LAWS] {
+                [$( &mut self.$field ),*]
+            }
+        }
+    };
+}
+
+mode! {
+    /// The active piece of each piecewise law.
+    ///
+    /// `0` is the interior (unsaturated, in the gap of a play, stuck); `1` and `-1` the side that is active (saturated,
+    /// in contact, sliding in that direction); `2` and `-2` an end stop.
+    {
+        /// Current at its limit.
+        current,
+        /// Flapper at its stop (first-order valve: spool at its rate limit).
+        flapper,
+        /// First-stage pressure at its limit.
+        first_stage,
+        /// Spool sliding, stuck (0) or at its stop.
+        spool,
+        /// Net pressure at its limit.
+        pressure,
+        /// Jack sliding, stuck (0) or at its stop.
+        jack,
+        /// Spool outside its dead zone.
+        overlap,
+        /// Integrated error at its limit.
+        integral,
+        /// Contact of the torque motor's hysteresis.
+        hysteresis,
+        /// Contact of the feedback spring's play.
+        feedback_play,
+        /// Contact of the backlash where the user position is fed back.
+        user_play,
+        /// The step load is on (1) or not yet (0).
+        step_load,
+        /// Direction in which the ram moves over ground, where the mount gives way.
+        ground,
+    }
 }
 
 impl PartialEq for Mode {
@@ -228,27 +253,8 @@ impl Mode {
     /// Every field, four to a word.
     #[inline(always)]
     const fn words(&self) -> [u32; 4] {
-        let Self {
-            current,
-            flapper,
-            first_stage,
-            spool,
-            pressure,
-            jack,
-            overlap,
-            integral,
-            hysteresis,
-            feedback_play,
-            user_play,
-            step_load,
-            ground,
-        } = *self;
-        [
-            word([current, flapper, first_stage, spool]),
-            word([pressure, jack, overlap, integral]),
-            word([hysteresis, feedback_play, user_play, step_load]),
-            word([ground, 0, 0, 0]),
-        ]
+        let [a, b, c, d, e, f, g, h, i, j, k, l, m] = self.to_array();
+        [word([a, b, c, d]), word([e, f, g, h]), word([i, j, k, l]), word([m, 0, 0, 0])]
     }
 
     /// Identifies the transition matrices of this mode: modes that differ in a direction only share them, unless
