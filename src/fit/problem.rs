@@ -65,7 +65,7 @@ impl<'a, T: Real> Record<'a, T> {
     /// Is a sample compared with the model?
     #[inline]
     pub fn is_compared(&self, sample: usize) -> bool {
-        sample % self.stretch.max(1) >= self.settle
+        self.settle == 0 || sample % self.stretch.max(1) >= self.settle
     }
 }
 
@@ -116,6 +116,27 @@ pub struct Problem<'a, T> {
     pub noise: Noise<T>,
 }
 
+/// The channels of a record that are compared with the model; an unused one is empty.
+#[derive(Clone, Copy, Debug)]
+pub struct Compared<'a, T> {
+    values: [&'a [T]; MEASURED],
+    /// 1 over the noise.
+    weights: [T; MEASURED],
+}
+
+impl<T: Real> Compared<'_, T> {
+    /// Residuals of one sample in units of their noise, measured minus predicted; 0 with weight `false` where the
+    /// channel is absent, unused or the sample is missing.
+    #[inline(always)]
+    pub fn residuals(&self, sample: usize, outputs: &Outputs<T>) -> [(T, bool); MEASURED] {
+        let predicted = outputs.to_array();
+        core::array::from_fn(|channel| match self.values[channel].get(sample) {
+            Some(&value) if value.finite() => ((value - predicted[channel]) * self.weights[channel], true),
+            _ => (T::ZERO, false),
+        })
+    }
+}
+
 /// Sum of squares of the residual in units of its noise, and how many samples it is made of.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Misfit<T> {
@@ -152,27 +173,16 @@ impl<T: Real> Problem<'_, T> {
         self.free.iter().any(|free| Model::<T>::reach(self.form, free.parameter) == Reach::Dynamics)
     }
 
-    /// Residuals of one sample in units of their noise, measured minus predicted; 0 with weight `false` where the
-    /// channel is absent, unused or the sample is missing.
-    #[inline]
-    pub fn residuals(
-        &self,
-        record: &Record<'_, T>,
-        sample: usize,
-        outputs: &Outputs<T>,
-    ) -> [(T, bool); MEASURED] {
-        let mut residuals = [(T::ZERO, false); MEASURED];
-        let predicted = outputs.to_array();
+    /// What of a record is compared with the model.
+    pub fn compared<'r>(&self, record: &Record<'r, T>) -> Compared<'r, T> {
+        let mut compared = Compared { values: [&[]; MEASURED], weights: [T::ZERO; MEASURED] };
         for channel in 0..MEASURED {
-            let (Some(&value), true) = (record.measured[channel].get(sample), self.noise[channel].finite())
-            else {
-                continue;
-            };
-            if value.finite() {
-                residuals[channel] = ((value - predicted[channel]) / self.noise[channel], true);
+            if self.noise[channel].finite() {
+                compared.values[channel] = record.measured[channel];
+                compared.weights[channel] = T::ONE / self.noise[channel];
             }
         }
-        residuals
+        compared
     }
 
     /// Misfit of a set of genes. One evaluation: every record is simulated once.
@@ -184,17 +194,18 @@ impl<T: Real> Problem<'_, T> {
             stepper.begin(record.sample_period, !record.force.is_empty(), rig_changed);
             rig_changed = false;
             let mut walk = Walk::new(&model, record);
-            while let Some((sample, outputs)) = walk.next(record, stepper) {
+            let compared = self.compared(record);
+            walk.lead_on(record, stepper, &mut [], usize::MAX, |sample, outputs, _| {
                 if !record.is_compared(sample) {
-                    continue;
+                    return;
                 }
-                for (residual, used) in self.residuals(record, sample, &outputs) {
+                for (residual, used) in compared.residuals(sample, outputs) {
                     if used {
                         misfit.chi_square += residual * residual;
                         misfit.count += 1;
                     }
                 }
-            }
+            });
         }
         misfit
     }

@@ -11,7 +11,7 @@
 //! the estimate of the error: far above the error itself, which falls with the fourth power of the step.
 
 use super::ladder::{self, Cache, Growth, Moments, Rung};
-use super::{Step, Stepper};
+use super::{Run, Step, Stepper};
 use crate::model::Model;
 use crate::model::curved::{Curved, Term};
 use crate::model::state::{Input, Mode, PRESSURE, RAM, RAM_VELOCITY, State};
@@ -123,6 +123,7 @@ impl<T: Real, const N: usize> ladder::Ladder<T, N, RUNGS> for Ladder<T, N> {
 impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Collocation<T, N, SLOTS> {
     const TOP: usize = LEVELS - 1;
     const SHIFT: u32 = 1;
+    const ESTIMATES: bool = true;
 
     fn begin(&mut self, sample_period: T, has_force: bool, rig_changed: bool) {
         self.cache.begin(sample_period, rig_changed, 1 << Self::TOP);
@@ -143,8 +144,8 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Collocation<T, 
     }
 
     #[inline]
-    fn enter(&mut self, model: &Model<T>, mode: &Mode) {
-        self.cache.enter(model, mode);
+    fn enter(&mut self, model: &Model<T>, run: &Run<T>) {
+        self.cache.enter(model, run);
     }
 
     fn step(

@@ -5,8 +5,9 @@
 //! around an event.
 
 use super::ladder::{self, Cache, Growth, Rung};
-use super::{Step, Stepper};
+use super::{Run, Step, Stepper};
 use crate::model::Model;
+use crate::model::corridor::{Corridor, Passage, Watched};
 use crate::model::state::{Input, Mode, State};
 use crate::scalar::Real;
 
@@ -24,12 +25,13 @@ struct Ladder<T, const N: usize>([Rung<T, N>; LEVELS]);
 pub struct Exact<T, const N: usize, const SLOTS: usize> {
     cache: Cache<T, Ladder<T, N>, N, LEVELS, SLOTS>,
     has_force: bool,
+    corridor: Option<Corridor<T>>,
 }
 
 impl<T: Real, const N: usize, const SLOTS: usize> Exact<T, N, SLOTS> {
     /// Steps without any matrices yet.
     pub const fn new() -> Self {
-        Self { cache: Cache::new(), has_force: false }
+        Self { cache: Cache::new(), has_force: false, corridor: None }
     }
 
     #[inline(always)]
@@ -71,8 +73,67 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Exact<T, N, SLO
     }
 
     #[inline]
-    fn enter(&mut self, model: &Model<T>, mode: &Mode) {
-        self.cache.enter(model, mode);
+    fn enter(&mut self, model: &Model<T>, run: &Run<T>) {
+        if self.cache.enter(model, run) {
+            self.corridor = if self.has_force { None } else { model.corridor(&run.mode) };
+        }
+    }
+
+    #[inline(always)]
+    fn corridor(&self) -> Option<&Corridor<T>> {
+        self.corridor.as_ref()
+    }
+
+    #[inline(always)]
+    fn glide(
+        &self,
+        run: &mut Run<T>,
+        mut command: T,
+        mut commands: impl FnMut(u32) -> Option<T>,
+        mut see: impl FnMut(&State<T>, &Input<T>),
+    ) -> u32 {
+        let (Some(corridor), Some(Ladder([.., rung])), [.., constants]) =
+            (&self.corridor, self.cache.ladder(), &self.cache.constants)
+        else {
+            return 0;
+        };
+        if self.cache.units != FINEST_PER_COARSEST || run.stride != FINEST_PER_COARSEST {
+            return 0;
+        }
+        let (mut state, mut swing, mut has_margin) = (run.state, run.swing, run.has_margin);
+        let mut here = corridor.watched(&state, &Input { command, ..Input::default() });
+        let mut done = 0;
+        while let Some(next) = commands(done) {
+            let command_rate = (next - command) * self.cache.sample_rate;
+            let input = Input { command, command_rate, force: T::ZERO };
+            let there = state.changed(&rung.change(constants, &state, &input, None));
+            let input = Input { command: next, ..input };
+            let after = corridor.watched(&there, &input);
+            let change: Watched<T> = core::array::from_fn(|index| after[index] - here[index]);
+            let is_clear = has_margin && corridor.is_clear(&after, &change, &swing);
+            if !is_clear {
+                // Copies, so that these live in registers elsewhere.
+                let (here, after, swing, change) = ({ here }, { after }, { swing }, { change });
+                match corridor.passage(&here, &after, &swing) {
+                    Passage::Clear => has_margin = corridor.has_margin(&after, &change),
+                    Passage::Close => break,
+                    Passage::Left => {
+                        run.is_refused = true;
+                        break;
+                    }
+                }
+            }
+            (command, state, here, swing) = (next, there, after, change);
+            done += 1;
+            see(&state, &input);
+        }
+        if done > 0 {
+            run.state.take_base(&state);
+            (run.swing, run.has_margin) = (swing, has_margin);
+            run.has_guards = false;
+            run.steps = run.steps.wrapping_add(done);
+        }
+        done
     }
 
     #[inline(always)]

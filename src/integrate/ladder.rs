@@ -10,6 +10,7 @@
 //! The matrices depend on the rig; `FDJ` and `BKL` do not change them, so one [`Cache`] serves every candidate of a
 //! search.
 
+use super::Run;
 use crate::model::Model;
 use crate::model::state::{FULL_ORDER, Input, Mode, RAM, State};
 use crate::scalar::Real;
@@ -86,6 +87,8 @@ pub(super) trait Ladder<T, const N: usize, const RUNGS: usize> {
 #[derive(Clone, Debug)]
 pub(super) struct Cache<T, L, const N: usize, const RUNGS: usize, const SLOTS: usize> {
     sample_period: T,
+    /// 1 over the sample period, 1/s.
+    pub(super) sample_rate: T,
     /// Length of a finest step, s.
     pub(super) finest: T,
     /// Finest steps in a sample.
@@ -95,7 +98,8 @@ pub(super) struct Cache<T, L, const N: usize, const RUNGS: usize, const SLOTS: u
     /// Place of the next ladder that is made, and of the one in use.
     next: usize,
     slot: usize,
-    mode: Option<Mode>,
+    /// Number of the mode in use.
+    mode: Option<u32>,
     /// What the constant terms of the mode add, for each rung.
     pub(super) constants: [[T; N]; RUNGS],
 }
@@ -107,6 +111,7 @@ impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const 
     pub(super) const fn new() -> Self {
         Self {
             sample_period: T::ZERO,
+            sample_rate: T::ZERO,
             finest: T::ZERO,
             units: 0,
             slots: [const { None }; SLOTS],
@@ -127,17 +132,19 @@ impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const 
             self.units = finest_per_coarsest * repeats;
             self.finest = sample_period / T::from_count(self.units);
             self.sample_period = sample_period;
+            self.sample_rate = T::ONE / sample_period;
             self.slots = [const { None }; SLOTS];
         }
         self.mode = None;
     }
 
-    /// Enters a mode; true if it is another one than before.
-    #[inline]
-    pub(super) fn enter(&mut self, model: &Model<T>, mode: &Mode) -> bool {
-        let is_other = self.mode != Some(*mode);
+    /// Enters the mode of a run; true if it is another one than before.
+    #[inline(always)]
+    pub(super) fn enter(&mut self, model: &Model<T>, run: &Run<T>) -> bool {
+        let is_other = self.mode != Some(run.mode_number);
         if is_other {
-            self.prepare(model, mode);
+            self.prepare(model, &run.mode);
+            self.mode = Some(run.mode_number);
         }
         is_other
     }
@@ -173,7 +180,6 @@ impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const 
                 *constants = rung.of_constants(&rate);
             }
         }
-        self.mode = Some(*mode);
     }
 }
 

@@ -16,6 +16,8 @@ pub struct Lvdt<T> {
     lag: Option<[T; 4]>,
     /// Delay in sample periods.
     delay: T,
+    /// Does it remember anything: has it a lag or a delay?
+    has_memory: bool,
 }
 
 /// What the LVDT remembers.
@@ -49,18 +51,27 @@ impl<T: Real> Lvdt<T> {
             [a, b - a, T::ONE - b, curvature]
         });
         let longest = T::from_count(DELAY_LINE as u32 - 3);
+        let has_memory = lag.is_some() || p.sensor_delay > T::ZERO;
         Self {
             offset: p.sensor_offset,
             gain: T::ONE + p.sensor_gain,
             cubic: p.sensor_cubic,
             lag,
             delay: (p.sensor_delay / sample_period).smaller(longest),
+            has_memory,
         }
     }
 
     /// One sample of the LVDT.
-    #[inline]
+    #[inline(always)]
     pub fn sample(&self, state: &mut LvdtState<T>, position: T) -> T {
+        let seen = if self.has_memory { self.remembered(state, position) } else { position };
+        self.offset + self.gain * seen * (T::ONE + self.cubic * seen * seen)
+    }
+
+    /// The position behind lag and delay.
+    #[inline(never)]
+    fn remembered(&self, state: &mut LvdtState<T>, position: T) -> T {
         let mut seen = position;
         if let Some([a, b, c, d]) = self.lag {
             let bend = (seen - state.last) - (state.last - state.before);
@@ -72,7 +83,7 @@ impl<T: Real> Lvdt<T> {
         if self.delay > T::ZERO {
             seen = self.delayed(state, seen);
         }
-        self.offset + self.gain * seen * (T::ONE + self.cubic * seen * seen)
+        seen
     }
 
     /// The delayed value by a cubic through the four samples around it.

@@ -147,6 +147,16 @@ impl<T: Real> State<T> {
         next
     }
 
+    /// Takes over the entries of the base model.
+    #[inline(always)]
+    pub fn take_base(&mut self, next: &Self) {
+        self.flapper = next.flapper;
+        self.flapper_velocity = next.flapper_velocity;
+        (self.spool, self.spool_rest) = (next.spool, next.spool_rest);
+        (self.ram, self.ram_rest) = (next.ram, next.ram_rest);
+        self.ram_velocity = next.ram_velocity;
+    }
+
     /// What has been added to an earlier state.
     pub fn since(&self, earlier: &Self) -> Self {
         let (now, then) = (self.to_array(), earlier.to_array());
@@ -183,7 +193,7 @@ fn compensated<T: Real>(sum: T, rest: T, change: T) -> (T, T) {
 macro_rules! mode {
     ($(#[$attribute:meta])* { $( $(#[$meaning:meta])* $field:ident, )* }) => {
         $(#[$attribute])*
-        #[derive(Clone, Copy, Debug, Default, Eq)]
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         pub struct Mode { $( $(#[$meaning])* pub $field: i8, )* }
 
         impl Mode {
@@ -239,22 +249,10 @@ mode! {
     }
 }
 
-impl PartialEq for Mode {
-    /// By words: asked at every sample, and byte by byte it takes 50 instructions on a Cortex-M.
-    #[inline(always)]
-    fn eq(&self, other: &Self) -> bool {
-        let [a, b, c, d] = self.words();
-        let [e, f, g, h] = other.words();
-        (a ^ e) | (b ^ f) | (c ^ g) | (d ^ h) == 0
-    }
-}
-
 impl Mode {
-    /// Every field, four to a word.
-    #[inline(always)]
-    const fn words(&self) -> [u32; 4] {
-        let [a, b, c, d, e, f, g, h, i, j, k, l, m] = self.to_array();
-        [word([a, b, c, d]), word([e, f, g, h]), word([i, j, k, l]), word([m, 0, 0, 0])]
+    /// A number for each mode: its laws, with two added to each, as digits to the base of five.
+    pub fn number(&self) -> u32 {
+        self.to_array().iter().fold(0, |number, &law| 5 * number + (law as u32).wrapping_add(2))
     }
 
     /// Identifies the transition matrices of this mode: modes that differ in a direction only share them, unless
@@ -288,12 +286,6 @@ impl Mode {
     pub const fn jack_slides(&self) -> bool {
         self.jack == 1 || self.jack == -1
     }
-}
-
-/// Four bytes as a word.
-#[inline(always)]
-const fn word([a, b, c, d]: [i8; 4]) -> u32 {
-    u32::from_le_bytes([a as u8, b as u8, c as u8, d as u8])
 }
 
 /// The sign of a mode as a scalar: -1, 0 or 1.

@@ -97,16 +97,15 @@ fn measure_quiet_sample(
 ) {
     stepper.begin(record.sample_period, false, false);
     let mut walk = Walk::new(model, record);
-    for _ in 0..QUIET_SAMPLE {
-        walk.next(record, stepper);
-    }
+    walk.lead_on(record, stepper, &mut [], QUIET_SAMPLE, |_, _, _| ());
     let (_, before) = walk.effort();
-    let predicted = platform.measure("lf", "quiet_sample", || walk.next(record, stepper));
+    let mut user = f32::NAN;
+    platform.measure("lf", "quiet_sample", || {
+        walk.lead_on(record, stepper, &mut [], 1, |_, outputs, _| user = outputs.user);
+    });
     let (_, after) = walk.effort();
     platform.result_count("lf", "quiet_sample_steps", u64::from(after - before));
-    if let Some((_, outputs)) = predicted {
-        platform.result_f32("lf", "quiet_sample_user_m", outputs.user);
-    }
+    platform.result_f32("lf", "quiet_sample_user_m", user);
 }
 
 /// What is fitted to the samples.
