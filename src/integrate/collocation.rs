@@ -63,6 +63,10 @@ struct Answer<T, const N: usize> {
 /// Affine parts on a ladder, from half the finest step on: the half of a step is the whole of the one below.
 const RUNGS: usize = LEVELS + 1;
 
+impl<T: Real, const N: usize> Answer<T, N> {
+    const EMPTY: Self = Self { middle: Weights([[T::ZERO; N]; 3]), end: Weights([[T::ZERO; N]; 3]) };
+}
+
 /// The steps of one mode.
 #[derive(Clone, Debug)]
 struct Ladder<T, const N: usize> {
@@ -88,7 +92,12 @@ impl<T: Real, const N: usize, const SLOTS: usize> Collocation<T, N, SLOTS> {
 }
 
 impl<T: Real, const N: usize> ladder::Ladder<T, N, RUNGS> for Ladder<T, N> {
-    fn new(model: &Model<T>, mode: &Mode, finest: T) -> Self {
+    const EMPTY: Self = Self {
+        rungs: [Rung::EMPTY; RUNGS],
+        answers: [Curved { force: Answer::EMPTY, pressure_rate: Answer::EMPTY }; LEVELS],
+    };
+
+    fn make(&mut self, model: &Model<T>, mode: &Mode, finest: T) {
         let rest = State::default();
         let column = |curved: Curved<T>| {
             model.rate_with(mode, &rest, &Input::default(), T::ZERO, &curved).leading::<N>()
@@ -98,8 +107,9 @@ impl<T: Real, const N: usize> ladder::Ladder<T, N, RUNGS> for Ladder<T, N> {
             column(Curved { pressure_rate: T::ONE, ..Curved::default() }),
         ];
         let (mut growth, mut moments) = Growth::new(model, mode, finest * T::literal(0.5), columns);
-        let mut rungs = [growth.rung(); RUNGS];
-        let answers = core::array::from_fn(|level| {
+        let [first, rungs @ ..] = &mut self.rungs;
+        growth.lay(first);
+        for (answers, rung) in self.answers.iter_mut().zip(rungs) {
             let step = growth.step + growth.step;
             let powers = |growth: &Growth<T, N>, moment: &Moments<T, N>| {
                 let (constant, ramp) = (growth.constant_of(&moment.column), growth.ramp_of(&moment.column));
@@ -109,10 +119,9 @@ impl<T: Real, const N: usize> ladder::Ladder<T, N, RUNGS> for Ladder<T, N> {
             growth.double(&mut moments);
             let end = [powers(&growth, &moments[0]), powers(&growth, &moments[1])];
             let answer = |place: usize| Answer { middle: middle[place], end: end[place] };
-            rungs[level + 1] = growth.rung();
-            Curved { force: answer(0), pressure_rate: answer(1) }
-        });
-        Self { rungs, answers }
+            growth.lay(rung);
+            *answers = Curved { force: answer(0), pressure_rate: answer(1) };
+        }
     }
 
     fn rungs(&self) -> &[Rung<T, N>; RUNGS] {
@@ -161,7 +170,7 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Collocation<T, 
         let Some(answers) = ladder.answers.get(level) else { return Step::exact(*state) };
         let force_rate = self.has_force.then_some(force_rate);
         let affine =
-            |rung: usize| ladder.rungs[rung].change(&self.cache.constants[rung], state, input, force_rate);
+            |rung: usize| ladder.rungs[rung].change(&self.cache.terms[rung], state, input, force_rate);
         let (middle, end) = (affine(level), affine(level + 1));
         let start = model.curved(mode, state);
         let mut force = Nodes::constant(start.force);

@@ -37,10 +37,10 @@ impl<T: Real, const N: usize, const SLOTS: usize> Exact<T, N, SLOTS> {
     #[inline(always)]
     fn product(&self, state: &State<T>, input: &Input<T>, force_rate: T, level: usize) -> [T; N] {
         let rung = self.cache.ladder().and_then(|ladder| ladder.0.get(level));
-        let (Some(rung), Some(constants)) = (rung, self.cache.constants.get(level)) else {
+        let (Some(rung), Some(terms)) = (rung, self.cache.terms.get(level)) else {
             return [T::ZERO; N];
         };
-        rung.change(constants, state, input, self.has_force.then_some(force_rate))
+        rung.change(terms, state, input, self.has_force.then_some(force_rate))
     }
 }
 
@@ -92,8 +92,8 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Exact<T, N, SLO
         mut commands: impl FnMut(u32) -> Option<T>,
         mut see: impl FnMut(&State<T>, &Input<T>),
     ) -> u32 {
-        let (Some(corridor), Some(Ladder([.., rung])), [.., constants]) =
-            (&self.corridor, self.cache.ladder(), &self.cache.constants)
+        let (Some(corridor), Some(Ladder([.., rung])), [.., terms]) =
+            (&self.corridor, self.cache.ladder(), &self.cache.terms)
         else {
             return 0;
         };
@@ -106,7 +106,7 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Exact<T, N, SLO
         while let Some(next) = commands(done) {
             let command_rate = (next - command) * self.cache.sample_rate;
             let input = Input { command, command_rate, force: T::ZERO };
-            let there = state.changed(&rung.change(constants, &state, &input, None));
+            let there = state.changed(&rung.change(terms, &state, &input, None));
             let input = Input { command: next, ..input };
             let after = corridor.watched(&there, &input);
             let change: Watched<T> = core::array::from_fn(|index| after[index] - here[index]);
@@ -151,15 +151,17 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Exact<T, N, SLO
 }
 
 impl<T: Real, const N: usize> ladder::Ladder<T, N, LEVELS> for Ladder<T, N> {
-    fn new(model: &Model<T>, mode: &Mode, finest: T) -> Self {
+    const EMPTY: Self = Self([Rung::EMPTY; LEVELS]);
+
+    fn make(&mut self, model: &Model<T>, mode: &Mode, finest: T) {
         let (mut growth, _) = Growth::new(model, mode, finest, []);
-        Self(core::array::from_fn(|level| {
+        for (level, rung) in self.0.iter_mut().enumerate() {
             if level > 0 {
                 growth.double(&mut []);
                 growth.double(&mut []);
             }
-            growth.rung()
-        }))
+            growth.lay(rung);
+        }
     }
 
     fn rungs(&self) -> &[Rung<T, N>; LEVELS] {

@@ -34,23 +34,39 @@ pub(super) struct Rung<T, const N: usize> {
     /// Weight of the position error, command minus ram.
     error: [T; N],
     command_rate: [T; N],
-    force: [T; N],
     force_rate: [T; N],
 }
 
+/// What a step adds whatever the state.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Terms<T, const N: usize> {
+    /// Constant terms: friction, loads, offsets.
+    constant: [T; N],
+    /// Force from outside, for each N.
+    force: [T; N],
+}
+
 impl<T: Real, const N: usize> Rung<T, N> {
-    /// What a step adds to a state, given what the constant terms add.
+    pub(super) const EMPTY: Self = Self {
+        transition: [[T::ZERO; N]; N],
+        constant: [[T::ZERO; N]; N],
+        error: [T::ZERO; N],
+        command_rate: [T::ZERO; N],
+        force_rate: [T::ZERO; N],
+    };
+
+    /// What a step adds to a state, given what it adds whatever the state.
     #[inline(always)]
     pub(super) fn change(
         &self,
-        constants: &[T; N],
+        terms: &Terms<T, N>,
         state: &State<T>,
         input: &Input<T>,
         force_rate: Option<T>,
     ) -> [T; N] {
         let z = state.leading::<N>();
         let error = (input.command - state.ram) - state.ram_rest;
-        let mut change = *constants;
+        let mut change = terms.constant;
         for row in 0..N {
             change[row] += self.error[row] * error;
             change[row] += self.command_rate[row] * input.command_rate;
@@ -62,22 +78,21 @@ impl<T: Real, const N: usize> Rung<T, N> {
         }
         if let Some(force_rate) = force_rate {
             for row in 0..N {
-                change[row] += self.force[row] * input.force + self.force_rate[row] * force_rate;
+                change[row] += terms.force[row] * input.force + self.force_rate[row] * force_rate;
             }
         }
         change
-    }
-
-    /// What constant rates add.
-    fn of_constants(&self, rate: &[T; N]) -> [T; N] {
-        apply(&self.constant, rate)
     }
 }
 
 /// The steps of one mode.
 pub(super) trait Ladder<T, const N: usize, const RUNGS: usize> {
-    /// Makes the steps of a mode, the finest of a length in s.
-    fn new(model: &Model<T>, mode: &Mode, finest: T) -> Self;
+    /// None yet.
+    const EMPTY: Self;
+
+    /// Makes the steps of a mode, the finest of a length in s, in place: it is too large for the stack of a
+    /// microcontroller.
+    fn make(&mut self, model: &Model<T>, mode: &Mode, finest: T);
 
     /// Its affine part, the shortest step first.
     fn rungs(&self) -> &[Rung<T, N>; RUNGS];
@@ -94,14 +109,14 @@ pub(super) struct Cache<T, L, const N: usize, const RUNGS: usize, const SLOTS: u
     /// Finest steps in a sample.
     pub(super) units: u32,
     /// Ladders, each with the key of its mode.
-    slots: [Option<(u16, L)>; SLOTS],
+    slots: [(Option<u16>, L); SLOTS],
     /// Place of the next ladder that is made, and of the one in use.
     next: usize,
     slot: usize,
     /// Number of the mode in use.
     mode: Option<u32>,
-    /// What the constant terms of the mode add, for each rung.
-    pub(super) constants: [[T; N]; RUNGS],
+    /// What does not depend on the state in the mode in use, for each rung.
+    pub(super) terms: [Terms<T, N>; RUNGS],
 }
 
 impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const SLOTS: usize>
@@ -114,11 +129,11 @@ impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const 
             sample_rate: T::ZERO,
             finest: T::ZERO,
             units: 0,
-            slots: [const { None }; SLOTS],
+            slots: [const { (None, L::EMPTY) }; SLOTS],
             next: 0,
             slot: 0,
             mode: None,
-            constants: [[T::ZERO; N]; RUNGS],
+            terms: [Terms { constant: [T::ZERO; N], force: [T::ZERO; N] }; RUNGS],
         }
     }
 
@@ -133,7 +148,9 @@ impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const 
             self.finest = sample_period / T::from_count(self.units);
             self.sample_period = sample_period;
             self.sample_rate = T::ONE / sample_period;
-            self.slots = [const { None }; SLOTS];
+            for (key, _) in &mut self.slots {
+                *key = None;
+            }
         }
         self.mode = None;
     }
@@ -152,11 +169,11 @@ impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const 
     /// The ladder of the mode that was entered last.
     #[inline(always)]
     pub(super) fn ladder(&self) -> Option<&L> {
-        self.slots.get(self.slot)?.as_ref().map(|(_, ladder)| ladder)
+        self.slots.get(self.slot).map(|(_, ladder)| ladder)
     }
 
     fn holds(&self, slot: usize, key: u16) -> bool {
-        matches!(self.slots.get(slot), Some(Some((there, _))) if *there == key)
+        self.slots.get(slot).is_some_and(|(there, _)| *there == Some(key))
     }
 
     /// Finds or makes the ladder of a mode, and the constant terms of the mode on it.
@@ -167,17 +184,21 @@ impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const 
             self.slot = (0..SLOTS).find(|&slot| self.holds(slot, key)).unwrap_or_else(|| {
                 let slot = self.next;
                 self.next = (self.next + 1) % SLOTS;
-                if let Some(place) = self.slots.get_mut(slot) {
-                    *place = Some((key, L::new(model, mode, self.finest)));
+                if let Some((there, ladder)) = self.slots.get_mut(slot) {
+                    *there = Some(key);
+                    ladder.make(model, mode, self.finest);
                 }
                 slot
             });
         }
-        let rate = model.affine_rate(mode, &State::default(), &Input::default(), T::ONE);
-        let rate = rate.leading::<N>();
-        if let Some(Some((_, ladder))) = self.slots.get(self.slot) {
-            for (constants, rung) in self.constants.iter_mut().zip(ladder.rungs()) {
-                *constants = rung.of_constants(&rate);
+        let none = State::default();
+        let constant = model.affine_rate(mode, &none, &Input::default(), T::ONE).leading::<N>();
+        let unit = Input { force: T::ONE, ..Input::default() };
+        let force = model.affine_rate(mode, &none, &unit, T::ZERO).leading::<N>();
+        if let Some((_, ladder)) = self.slots.get(self.slot) {
+            for (terms, rung) in self.terms.iter_mut().zip(ladder.rungs()) {
+                terms.constant = apply(&rung.constant, &constant);
+                terms.force = apply(&rung.constant, &force);
             }
         }
     }
@@ -198,6 +219,7 @@ pub(super) struct Growth<T, const N: usize> {
 
 impl<T: Real, const N: usize> Growth<T, N> {
     /// A mode's matrices for a step, s, and those of rates that grow as a power of time (see [`Moments`]).
+    #[inline(never)]
     pub(super) fn new<const EXTRA: usize>(
         model: &Model<T>,
         mode: &Mode,
@@ -278,23 +300,19 @@ impl<T: Real, const N: usize> Growth<T, N> {
         apply(&self.ramp, rate)
     }
 
-    /// The step as a rung.
-    pub(super) fn rung(&self) -> Rung<T, N> {
+    /// Lays the step down as a rung.
+    #[inline(never)]
+    pub(super) fn lay(&self, rung: &mut Rung<T, N>) {
         let system = &self.system;
-        let mut command_rate = self.ramp_of(&system.command);
-        for (value, direct) in command_rate.iter_mut().zip(self.constant_of(&system.command_rate)) {
+        rung.command_rate = self.ramp_of(&system.command);
+        for (value, direct) in rung.command_rate.iter_mut().zip(self.constant_of(&system.command_rate)) {
             *value += direct;
         }
-        let mut transition = self.transition;
-        transition[RAM] = self.constant_of(&system.shift);
-        Rung {
-            transition,
-            constant: self.constant,
-            error: self.constant_of(&system.command),
-            command_rate,
-            force: self.constant_of(&system.force),
-            force_rate: self.ramp_of(&system.force),
-        }
+        rung.transition = self.transition;
+        rung.transition[RAM] = self.constant_of(&system.shift);
+        rung.constant = self.constant;
+        rung.error = self.constant_of(&system.command);
+        rung.force_rate = self.ramp_of(&system.force);
     }
 }
 
@@ -317,6 +335,7 @@ struct System<T, const N: usize> {
 }
 
 impl<T: Real, const N: usize> System<T, N> {
+    #[inline(never)]
     fn of(model: &Model<T>, mode: &Mode) -> Self {
         let rate = |state: &State<T>, input: Input<T>| {
             model.affine_rate(mode, state, &input, T::ZERO).leading::<N>()

@@ -54,14 +54,32 @@ pub struct Run<T> {
 }
 
 impl<T: Real> Run<T> {
+    /// What holds a run later: all zeros.
+    pub const IDLE: Self = Self {
+        state: State::from_array([T::ZERO; FULL_ORDER]),
+        mode: Mode::INTERIOR,
+        mode_number: 0,
+        guards: Guards::NONE,
+        fall: Guards::NONE,
+        has_guards: false,
+        swing: [T::ZERO; WATCHED],
+        stride: 0,
+        has_margin: false,
+        is_refused: false,
+        calm: 0,
+        ceiling: 0,
+        events: 0,
+        steps: 0,
+    };
+
     /// A run that starts from a state and mode.
     pub fn starting(model: &Model<T>, state: State<T>, mode: Mode, input: &Input<T>) -> Self {
         let mut run = Self {
             state,
             mode,
             mode_number: mode.number(),
-            guards: Guards::default(),
-            fall: Guards::default(),
+            guards: Guards::NONE,
+            fall: Guards::NONE,
             has_guards: true,
             swing: [T::ZERO; WATCHED],
             stride: 1,
@@ -95,7 +113,7 @@ impl<T: Real> Run<T> {
     ) {
         let (input, time) = (segment.at(elapsed), segment.time + elapsed);
         self.guards = Guards::at(model, &self.mode, &self.state, &input, time);
-        self.fall = Guards::default();
+        self.fall = Guards::NONE;
         if let Some(corridor) = corridor {
             let (state, input) = corridor.before(&self.state, &input, &self.swing);
             let mut before = Guards::at(model, &self.mode, &state, &input, time);
@@ -111,13 +129,15 @@ impl<T: Real> Run<T> {
     }
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Guards<T> {
     plain: [T; LOOP_GUARDS],
     extra: [T; EXTRA_GUARDS],
 }
 
 impl<T: Real> Guards<T> {
+    const NONE: Self = Self { plain: [T::ZERO; LOOP_GUARDS], extra: [T::ZERO; EXTRA_GUARDS] };
+
     #[inline(never)]
     fn at(model: &Model<T>, mode: &Mode, state: &State<T>, input: &Input<T>, time: T) -> Self {
         let extra = if model.has_extra_guards() {
@@ -528,6 +548,8 @@ fn divide<T: Real, S: Stepper<T>>(
 }
 
 /// Takes a run over one finest step that holds at least one event.
+///
+/// Its parts are functions of their own: otherwise the stack would hold one while a mode's matrices are made.
 #[cold]
 fn cross<T: Real, S: Stepper<T>>(
     stepper: &mut S,
@@ -537,44 +559,74 @@ fn cross<T: Real, S: Stepper<T>>(
     elapsed: T,
     observe: &mut impl FnMut(T),
 ) {
-    let unit = stepper.unit();
-    run.fall = Guards::default();
+    run.fall = Guards::NONE;
     (run.swing, run.has_margin) = ([T::ZERO; WATCHED], false);
     let mut done = T::ZERO;
     for _ in 0..EVENTS_PER_STEP {
-        let input = segment.at(elapsed + unit * done);
-        let left = T::ONE - done;
-        let arc = Arc::ahead(stepper, model, run, &input, segment.force_rate);
-        let state = arc.at(left);
-        let end = elapsed + unit;
-        let guards = Guards::at(model, &run.mode, &state, &segment.at(end), segment.time + end);
-        let Some((index, guess)) = run.guards.first_crossing(&guards) else {
-            run.state = state;
-            run.guards = guards;
-            run.ceiling = ceiling::<T, S>(0, arc.error);
+        if !meet(stepper, model, run, segment, elapsed, &mut done, observe) {
             return;
-        };
-        // One secant step towards the crossing from the straight-line guess.
-        let at = |fraction: T| {
-            let done = done + left * fraction;
-            let state = arc.at(left * fraction);
-            (state, segment.at(elapsed + unit * done), elapsed + unit * done)
-        };
-        let (state, there, time) = at(guess);
-        let halfway = Guards::at(model, &run.mode, &state, &there, segment.time + time);
-        let fraction = run.guards.secant(&halfway, &guards, index, guess);
-        let (state, input, now) = at(fraction);
-        done += left * fraction;
-        run.state = state;
-        run.steps += 3;
-        run.events += 1;
-        observe(run.state.ground());
-        model.switch(index, &mut run.mode, &mut run.state, &input);
-        run.mode_number = run.mode.number();
-        run.guards = Guards::at(model, &run.mode, &run.state, &input, segment.time + now);
+        }
         stepper.enter(model, run);
     }
-    // Too many events in one step (a rig that chatters): finish it in the mode that it is in.
+    finish(stepper, model, run, segment, elapsed, done);
+}
+
+/// Takes a run to the next event within a finest step, of which a part is done, and through it; without one to the end
+/// of the step. True if there was one.
+#[inline(never)]
+fn meet<T: Real, S: Stepper<T>>(
+    stepper: &S,
+    model: &Model<T>,
+    run: &mut Run<T>,
+    segment: &InputSegment<T>,
+    elapsed: T,
+    done: &mut T,
+    observe: &mut impl FnMut(T),
+) -> bool {
+    let unit = stepper.unit();
+    let input = segment.at(elapsed + unit * *done);
+    let left = T::ONE - *done;
+    let arc = Arc::ahead(stepper, model, run, &input, segment.force_rate);
+    let state = arc.at(left);
+    let end = elapsed + unit;
+    let guards = Guards::at(model, &run.mode, &state, &segment.at(end), segment.time + end);
+    let Some((index, guess)) = run.guards.first_crossing(&guards) else {
+        run.state = state;
+        run.guards = guards;
+        run.ceiling = ceiling::<T, S>(0, arc.error);
+        return false;
+    };
+    // One secant step towards the crossing from the straight-line guess.
+    let at = |fraction: T| {
+        let elapsed = elapsed + unit * (*done + left * fraction);
+        (arc.at(left * fraction), segment.at(elapsed), segment.time + elapsed)
+    };
+    let (state, there, time) = at(guess);
+    let halfway = Guards::at(model, &run.mode, &state, &there, time);
+    let fraction = run.guards.secant(&halfway, &guards, index, guess);
+    let (state, input, now) = at(fraction);
+    *done += left * fraction;
+    run.state = state;
+    run.steps += 3;
+    run.events += 1;
+    observe(run.state.ground());
+    model.switch(index, &mut run.mode, &mut run.state, &input);
+    run.mode_number = run.mode.number();
+    run.guards = Guards::at(model, &run.mode, &run.state, &input, now);
+    true
+}
+
+/// Takes a run to the end of a finest step that holds too many events (a rig that chatters), in the mode that it is in.
+#[inline(never)]
+fn finish<T: Real, S: Stepper<T>>(
+    stepper: &S,
+    model: &Model<T>,
+    run: &mut Run<T>,
+    segment: &InputSegment<T>,
+    elapsed: T,
+    done: T,
+) {
+    let unit = stepper.unit();
     let input = segment.at(elapsed + unit * done);
     run.state = Arc::ahead(stepper, model, run, &input, segment.force_rate).at(T::ONE - done);
     let end = elapsed + unit;

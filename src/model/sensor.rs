@@ -38,6 +38,10 @@ impl<T: Real> LvdtState<T> {
 }
 
 impl<T: Real> Lvdt<T> {
+    /// What holds an LVDT later: all zeros.
+    pub const IDLE: Self =
+        Self { offset: T::ZERO, gain: T::ZERO, cubic: T::ZERO, lag: None, delay: T::ZERO, has_memory: false };
+
     /// The LVDT of a set of parameters, sampled with a period in s.
     pub fn new(p: &Parameters<T>, sample_period: T) -> Self {
         let lag = (p.sensor_lag > T::ZERO).then(|| {

@@ -197,6 +197,8 @@ macro_rules! mode {
         pub struct Mode { $( $(#[$meaning])* pub $field: i8, )* }
 
         impl Mode {
+            /// Every law in its interior.
+            pub const INTERIOR: Self = Self { $( $field: 0 ),* };
             /// Number of laws.
             pub const LAWS: usize = [$( stringify!($field) ),*].len();
 

@@ -4,6 +4,7 @@
 
 use super::config::Config;
 use super::pass::{Pass, Path, Scene, Start};
+use super::slot::Slot;
 use super::sums::Sums;
 use crate::fit::gauss_newton::Normal;
 use crate::fit::identify::within_noise;
@@ -101,10 +102,10 @@ enum Phase {
 pub(super) struct Analysis<const GENES: usize, const POPULATION: usize> {
     phase: Phase,
     pass: Pass<GENES>,
-    here: Option<Found<GENES>>,
+    here: Slot<Found<GENES>>,
     /// Bottom of the first descent: genes and chi-square.
     first: Option<([f32; GENES], f32)>,
-    search: Option<SteadyState<f32, GENES, POPULATION>>,
+    search: Slot<SteadyState<f32, GENES, POPULATION>>,
     steps_down: u32,
     halvings: u32,
     /// Evaluations of the model so far.
@@ -115,25 +116,34 @@ pub(super) struct Analysis<const GENES: usize, const POPULATION: usize> {
 }
 
 impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
-    /// The start of the analysis of a window at a guess.
-    #[inline(always)]
-    pub(super) fn new<const SAMPLES: usize>(
+    /// An analysis that has not [begun](Self::begin): all zeros.
+    pub(super) const IDLE: Self = Self {
+        phase: Phase::Descent,
+        pass: Pass::IDLE,
+        here: Slot::Empty,
+        first: None,
+        search: Slot::Empty,
+        steps_down: 0,
+        halvings: 0,
+        evaluations: 0,
+        steps: 0,
+        seed: 0,
+    };
+
+    /// Begins the analysis of a window at a guess, in place: it is too large for the stack.
+    pub(super) fn begin<const SAMPLES: usize>(
+        &mut self,
         scene: &Scene<'_, GENES, SAMPLES>,
         guess: &[f32; GENES],
         seed: u64,
-    ) -> Self {
-        Self {
-            phase: Phase::Descent,
-            pass: Pass::new(scene, guess, true),
-            here: None,
-            first: None,
-            search: None,
-            steps_down: 0,
-            halvings: 0,
-            evaluations: 0,
-            steps: 0,
-            seed,
-        }
+    ) {
+        self.phase = Phase::Descent;
+        self.here = Slot::Empty;
+        self.first = None;
+        self.search = Slot::Empty;
+        (self.steps_down, self.halvings, self.evaluations, self.steps) = (0, 0, 0, 0);
+        self.seed = seed;
+        self.pass.restart(scene, guess, true);
     }
 
     /// Goes on by at most `allowance` steps, and takes what it has used off it. True at the end.
@@ -169,7 +179,7 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
             Phase::Score(index) => {
                 let cost = self.pass.sums().misfit().mean_square();
                 let genes = self.pass.genes;
-                if let Some(search) = &mut self.search {
+                if let Some(search) = self.search.get_mut() {
                     search.insert(&genes, cost);
                 }
                 match seeds.and_then(|seeds| seeds.get(index + 1)) {
@@ -181,12 +191,12 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
                 }
             }
             Phase::Return => {
-                self.here = Some(self.there(scene));
+                self.here = Slot::Full(self.there(scene));
                 None
             }
             Phase::Breed(children) => {
                 let cost = self.pass.sums().misfit().mean_square();
-                if let Some(search) = &mut self.search {
+                if let Some(search) = self.search.get_mut() {
                     search.tell(cost);
                 }
                 self.breed(children + 1)
@@ -210,12 +220,12 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
     fn descend<const SAMPLES: usize>(&mut self, scene: &Scene<'_, GENES, SAMPLES>) -> Option<[f32; GENES]> {
         let there = self.there(scene);
         match &mut self.here {
-            Some(here) if !is_less(there.normal.misfit.chi_square, here.normal.misfit.chi_square) => {
+            Slot::Full(here) if !is_less(there.normal.misfit.chi_square, here.normal.misfit.chi_square) => {
                 self.halvings += 1;
                 let halfway = core::array::from_fn(|gene| 0.5 * (here.genes[gene] + there.genes[gene]));
                 return (self.halvings <= HALVINGS).then_some(halfway);
             }
-            here => *here = Some(there),
+            here => *here = Slot::Full(there),
         }
         self.halvings = 0;
         self.steps_down += 1;
@@ -230,14 +240,14 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
 
     /// What follows the bottom of a descent: the end, or a search for a better basin.
     fn conclude(&mut self, seeds: Option<&[[f32; GENES]; POPULATION]>) -> Option<([f32; GENES], bool)> {
-        let here = self.here?;
+        let here = self.here.get()?;
         let chi_square = here.normal.misfit.chi_square;
         let settled = self.first.is_some_and(|(_, first)| first - chi_square <= (1e-3 * first).max(1.0));
         if let Some((genes, first)) = self.first
             && first < chi_square
         {
             self.phase = Phase::Return;
-            self.here = None;
+            self.here = Slot::Empty;
             return Some((genes, true));
         }
         let says_nothing = here.path.reversals == 0;
@@ -248,7 +258,7 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
         let mut search =
             SteadyState::new(Settings { population: POPULATION, ..Settings::default() }, GENES, self.seed);
         search.insert(&here.genes, here.normal.misfit.mean_square());
-        self.search = Some(search);
+        self.search = Slot::Full(search);
         if let Some(&genes) = seeds.and_then(|seeds| seeds.first()) {
             self.phase = Phase::Score(0);
             Some((genes, false))
@@ -259,21 +269,21 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
 
     /// The next child, or after a generation the descent from the best.
     fn breed(&mut self, children: usize) -> Option<([f32; GENES], bool)> {
-        let search = self.search.as_mut()?;
+        let search = self.search.get_mut()?;
         if children < POPULATION {
             self.phase = Phase::Breed(children);
             return Some((search.ask(), false));
         }
         let (&best, _) = search.best()?;
         self.phase = Phase::Descent;
-        self.here = None;
+        self.here = Slot::Empty;
         (self.steps_down, self.halvings) = (0, 0);
         Some((best, true))
     }
 
     /// The best place found.
     pub(super) const fn found(&self) -> Option<&Found<GENES>> {
-        self.here.as_ref()
+        self.here.get()
     }
 
     /// Steps in all.
@@ -283,7 +293,7 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
 
     /// Puts the last population in `seeds`; false if there was none.
     pub(super) fn leave_seeds(&self, seeds: &mut [[f32; GENES]; POPULATION]) -> bool {
-        let Some(search) = &self.search else { return false };
+        let Some(search) = self.search.get() else { return false };
         for (seed, (genes, _)) in seeds.iter_mut().zip(search.members()) {
             *seed = *genes;
         }

@@ -4,6 +4,7 @@
 //! alone (the backlash) needs no motion of its own: it taps the candidate's.
 
 use super::config::Config;
+use super::slot::Slot;
 use super::sums::{CHANNELS, Sums};
 use super::window::{Packed, Scale, Window};
 use crate::integrate::{LONGEST_PIECE, Place, Run, Stepper, advance_some};
@@ -52,6 +53,9 @@ struct Tap {
 }
 
 impl Tap {
+    const IDLE: Self =
+        Self { half_backlash: 0.0, user: 0.0, lvdt: Lvdt::IDLE, seen: LvdtState::at_rest(0.0) };
+
     fn new(model: &Model<f32>, period: f32, user: f32) -> Self {
         Self {
             half_backlash: model.half_backlash(),
@@ -82,6 +86,7 @@ pub(super) struct Path {
 }
 
 impl Path {
+    const IDLE: Self = Self { reversals: 0, travel: 0.0, last: 0.0, extreme: 0.0, direction: 0 };
     /// A turn that is shorter than this is none, m.
     const LEAST: f32 = 2e-5;
 
@@ -117,7 +122,7 @@ pub(super) struct Pass<const GENES: usize> {
     /// Are the derivatives wanted?
     with_neighbours: bool,
     /// The model whose turn it is. It is made anew at every turn: three would take a kilobyte more.
-    model: Model<f32>,
+    model: Slot<Model<f32>>,
     base: Run<f32>,
     moved: [Run<f32>; GENES],
     sight: Sight<GENES>,
@@ -223,6 +228,11 @@ impl<const GENES: usize, const SAMPLES: usize> Scene<'_, GENES, SAMPLES> {
     }
 }
 
+/// Genes of the candidate (turn 0) or of a neighbour.
+fn moved_genes<const GENES: usize>(genes: &[f32; GENES], widths: &[f32; GENES], turn: usize) -> [f32; GENES] {
+    core::array::from_fn(|gene| if turn == gene + 1 { genes[gene] + widths[gene] } else { genes[gene] })
+}
+
 /// The motion whose turn it is.
 fn turned<'a, const GENES: usize>(
     base: &'a mut Run<f32>,
@@ -241,47 +251,27 @@ fn widths<const GENES: usize>(genes: &[f32; GENES]) -> [f32; GENES] {
 }
 
 impl<const GENES: usize> Pass<GENES> {
-    /// The start of a walk of a candidate.
-    #[inline(always)]
-    pub(super) fn new<const SAMPLES: usize>(
-        scene: &Scene<'_, GENES, SAMPLES>,
-        genes: &[f32; GENES],
-        with_neighbours: bool,
-    ) -> Self {
-        let Scene { config, start, .. } = scene;
-        let model = config.model(genes);
-        let base = Run::starting(&model, start.state, start.mode, &scene.first_input());
-        let tap = Tap::new(&model, config.sample_period, start.user);
-        let mut pass = Self {
-            genes: *genes,
-            widths: widths(genes),
-            with_neighbours,
-            model,
-            base,
-            moved: [base; GENES],
-            sight: Sight {
-                is_own: [false; GENES],
-                base_tap: tap,
-                moved_taps: [tap; GENES],
-                predicted: [Predicted { base: [0.0; CHANNELS], moved: [[0.0; CHANNELS]; GENES] }; CHUNK],
-                path: Path::start(start.state.ground()),
-            },
-            turn: 0,
-            chunk: 0,
-            done: 0,
-            place: None,
-            sums: Sums::NONE,
-        };
-        pass.restart(scene, genes, with_neighbours);
-        pass
-    }
-
-    /// Genes of the candidate (turn 0) or of a neighbour.
-    fn genes_of(&self, turn: usize) -> [f32; GENES] {
-        core::array::from_fn(|gene| {
-            if turn == gene + 1 { self.genes[gene] + self.widths[gene] } else { self.genes[gene] }
-        })
-    }
+    /// A pass that goes nowhere before it is [restarted](Self::restart): all zeros.
+    pub(super) const IDLE: Self = Self {
+        genes: [0.0; GENES],
+        widths: [0.0; GENES],
+        with_neighbours: false,
+        model: Slot::Empty,
+        base: Run::IDLE,
+        moved: [Run::IDLE; GENES],
+        sight: Sight {
+            is_own: [false; GENES],
+            base_tap: Tap::IDLE,
+            moved_taps: [Tap::IDLE; GENES],
+            predicted: [Predicted { base: [0.0; CHANNELS], moved: [[0.0; CHANNELS]; GENES] }; CHUNK],
+            path: Path::IDLE,
+        },
+        turn: 0,
+        chunk: 0,
+        done: 0,
+        place: None,
+        sums: Sums::NONE,
+    };
 
     /// Goes on by at most `allowance` steps, and takes what it has used off it. True at the end of the window.
     pub(super) fn advance<S: Stepper<f32>, const SAMPLES: usize>(
@@ -310,7 +300,7 @@ impl<const GENES: usize> Pass<GENES> {
                 self.chunk += CHUNK;
             }
             if self.with_neighbours {
-                self.model = scene.config.model(&self.genes_of(self.turn));
+                self.turn_to(scene.config);
             }
             // Another motion: its constant terms are others.
             stepper.begin(scene.config.sample_period, false, false);
@@ -318,7 +308,14 @@ impl<const GENES: usize> Pass<GENES> {
         true
     }
 
+    /// Makes the model of the motion whose turn it is.
+    #[inline(never)]
+    fn turn_to(&mut self, config: &Config<GENES>) {
+        self.model = Slot::Full(config.model(&moved_genes(&self.genes, &self.widths, self.turn)));
+    }
+
     /// Takes the motion whose turn it is to the next sample; false where the allowance ends before.
+    #[inline(never)]
     fn walk<S: Stepper<f32>, const SAMPLES: usize>(
         &mut self,
         scene: &Scene<'_, GENES, SAMPLES>,
@@ -326,24 +323,28 @@ impl<const GENES: usize> Pass<GENES> {
         allowance: &mut u32,
     ) -> bool {
         let sample = self.chunk + self.done;
-        let Some(run) = turned(&mut self.base, &mut self.moved, self.turn) else { return true };
+        let (Some(run), Some(model)) = (turned(&mut self.base, &mut self.moved, self.turn), self.model.get())
+        else {
+            return true;
+        };
         let (turn, sight) = (self.turn, &mut self.sight);
         if let Some(segment) = scene.segment(sample) {
             let before = run.steps;
             let follow = |ram| sight.follow(turn, ram);
-            let done = advance_some(stepper, &self.model, run, &segment, &mut self.place, *allowance, follow);
+            let done = advance_some(stepper, model, run, &segment, &mut self.place, *allowance, follow);
             *allowance = allowance.saturating_sub(run.steps.wrapping_sub(before));
             if !done {
                 return false;
             }
         }
-        let demand = self.model.demand(&run.mode, &run.state, &scene.input(sample));
-        let current = self.model.controller.current(run.mode.current, demand, 1.0);
+        let demand = model.demand(&run.mode, &run.state, &scene.input(sample));
+        let current = model.controller.current(run.mode.current, demand, 1.0);
         sight.look(turn, self.done, run.state.ground(), current, sample >= scene.settle);
         true
     }
 
     /// Takes the motion whose turn it is over the next samples of the chunk as long as nothing happens in them.
+    #[inline(never)]
     fn glide<S: Stepper<f32>, const SAMPLES: usize>(
         &mut self,
         scene: &Scene<'_, GENES, SAMPLES>,
@@ -352,10 +353,13 @@ impl<const GENES: usize> Pass<GENES> {
         allowance: &mut u32,
     ) {
         let first = self.chunk + self.done;
-        let Some(run) = turned(&mut self.base, &mut self.moved, self.turn) else { return };
+        let (Some(run), Some(model)) = (turned(&mut self.base, &mut self.moved, self.turn), self.model.get())
+        else {
+            return;
+        };
         let (Some(before), None) = (scene.command_before(first), self.place) else { return };
-        let most = (end.saturating_sub(self.done) as u32).min((*allowance + 1).saturating_sub(LONGEST_PIECE));
-        let (turn, mode, model, sight) = (self.turn, run.mode, &self.model, &mut self.sight);
+        let most = (end.saturating_sub(self.done) as u32).min(allowance.saturating_sub(LONGEST_PIECE - 1));
+        let (turn, mode, sight) = (self.turn, run.mode, &mut self.sight);
         let (mut place, mut sample) = (self.done, first);
         stepper.enter(model, run);
         let command =
@@ -372,6 +376,7 @@ impl<const GENES: usize> Pass<GENES> {
     }
 
     /// Adds the residuals of a chunk to the sums.
+    #[inline(never)]
     fn gather<const SAMPLES: usize>(&mut self, scene: &Scene<'_, GENES, SAMPLES>, count: usize) {
         let noise = scene.config.believed_noise();
         for (offset, predicted) in self.sight.predicted.iter().enumerate().take(count) {
@@ -413,7 +418,7 @@ impl<const GENES: usize> Pass<GENES> {
         }
     }
 
-    /// Starts again with other genes. Not inlined: see [`Analysis`](super::analysis::Analysis).
+    /// Starts with genes. Not inlined: see [`Analysis`](super::analysis::Analysis).
     #[inline(never)]
     pub(super) fn restart<const SAMPLES: usize>(
         &mut self,
@@ -425,22 +430,28 @@ impl<const GENES: usize> Pass<GENES> {
         self.genes = *genes;
         self.widths = widths(genes);
         self.with_neighbours = with_neighbours;
-        self.model = config.model(genes);
+        self.model = Slot::Empty;
         let input = scene.first_input();
-        self.base = Run::starting(&self.model, start.state, start.mode, &input);
-        self.sight.base_tap = Tap::new(&self.model, config.sample_period, start.user);
         self.sight.is_own = [false; GENES];
         self.sums = Sums::NONE;
         self.sight.path = Path::start(start.state.ground());
         self.place = None;
         (self.turn, self.chunk, self.done) = (0, 0, 0);
-        for gene in 0..GENES {
-            if with_neighbours {
-                let model = config.model(&self.genes_of(gene + 1));
-                self.sight.is_own[gene] =
-                    Model::<f32>::reach(config.form, config.faults[gene].free.parameter) != Reach::Output;
-                self.moved[gene] = Run::starting(&model, start.state, start.mode, &input);
-                self.sight.moved_taps[gene] = Tap::new(&model, config.sample_period, start.user);
+        // The candidate last: its turn is the first.
+        for turn in (0..=GENES).rev() {
+            let (run, tap) = match turn.checked_sub(1) {
+                None => (&mut self.base, &mut self.sight.base_tap),
+                Some(gene) if with_neighbours => {
+                    let parameter = config.faults[gene].free.parameter;
+                    self.sight.is_own[gene] = Model::<f32>::reach(config.form, parameter) != Reach::Output;
+                    (&mut self.moved[gene], &mut self.sight.moved_taps[gene])
+                }
+                Some(_) => continue,
+            };
+            self.model = Slot::Full(config.model(&moved_genes(&self.genes, &self.widths, turn)));
+            if let Some(model) = self.model.get() {
+                *run = Run::starting(model, start.state, start.mode, &input);
+                *tap = Tap::new(model, config.sample_period, start.user);
             }
         }
     }
