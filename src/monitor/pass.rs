@@ -283,6 +283,7 @@ impl<const GENES: usize> Pass<GENES> {
         while self.chunk < SAMPLES {
             let end = CHUNK.min(SAMPLES - self.chunk);
             while self.done < end {
+                self.enter(stepper);
                 self.glide(scene, stepper, end, allowance);
                 if self.done < end && !self.walk(scene, stepper, allowance) {
                     return false;
@@ -306,6 +307,15 @@ impl<const GENES: usize> Pass<GENES> {
             stepper.begin(scene.config.sample_period, false, false);
         }
         true
+    }
+
+    /// Enters the mode of the motion whose turn it is. Not inlined: what makes matrices has a stack of its own.
+    #[inline(never)]
+    fn enter<S: Stepper<f32>>(&mut self, stepper: &mut S) {
+        let run = turned(&mut self.base, &mut self.moved, self.turn);
+        if let (Some(run), Some(model)) = (run, self.model.get()) {
+            stepper.enter(model, run);
+        }
     }
 
     /// Makes the model of the motion whose turn it is.
