@@ -81,13 +81,12 @@ struct Ladder<T, const N: usize> {
 pub struct Collocation<T, const N: usize, const SLOTS: usize> {
     tolerance: T,
     cache: Cache<T, Ladder<T, N>, N, RUNGS, SLOTS>,
-    has_force: bool,
 }
 
 impl<T: Real, const N: usize, const SLOTS: usize> Collocation<T, N, SLOTS> {
     /// Steps that err by less than some metres of ram position by their own estimate.
     pub const fn new(tolerance: T) -> Self {
-        Self { tolerance, cache: Cache::new(), has_force: false }
+        Self { tolerance, cache: Cache::new() }
     }
 }
 
@@ -135,8 +134,7 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Collocation<T, 
     const ESTIMATES: bool = true;
 
     fn begin(&mut self, sample_period: T, has_force: bool, rig_changed: bool) {
-        self.cache.begin(sample_period, rig_changed, 1 << Self::TOP);
-        self.has_force = has_force;
+        self.cache.begin(sample_period, has_force, rig_changed, 1 << Self::TOP);
     }
 
     fn units(&self) -> u32 {
@@ -168,9 +166,9 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Collocation<T, 
     ) -> Step<T> {
         let Some(ladder) = self.cache.ladder() else { return Step::exact(*state) };
         let Some(answers) = ladder.answers.get(level) else { return Step::exact(*state) };
-        let force_rate = self.has_force.then_some(force_rate);
+        let force = self.cache.force(force_rate);
         let affine =
-            |rung: usize| ladder.rungs[rung].change(&self.cache.terms[rung], state, input, force_rate);
+            |rung: usize| ladder.rungs[rung].change(&self.cache.terms[rung], state, input, force.as_ref());
         let (middle, end) = (affine(level), affine(level + 1));
         let start = model.curved(mode, state);
         let mut force = Nodes::constant(start.force);

@@ -24,14 +24,13 @@ struct Ladder<T, const N: usize>([Rung<T, N>; LEVELS]);
 #[derive(Clone, Debug)]
 pub struct Exact<T, const N: usize, const SLOTS: usize> {
     cache: Cache<T, Ladder<T, N>, N, LEVELS, SLOTS>,
-    has_force: bool,
     corridor: Option<Corridor<T>>,
 }
 
 impl<T: Real, const N: usize, const SLOTS: usize> Exact<T, N, SLOTS> {
     /// Steps without any matrices yet.
     pub const fn new() -> Self {
-        Self { cache: Cache::new(), has_force: false, corridor: None }
+        Self { cache: Cache::new(), corridor: None }
     }
 
     #[inline(always)]
@@ -40,7 +39,7 @@ impl<T: Real, const N: usize, const SLOTS: usize> Exact<T, N, SLOTS> {
         let (Some(rung), Some(terms)) = (rung, self.cache.terms.get(level)) else {
             return [T::ZERO; N];
         };
-        rung.change(terms, state, input, self.has_force.then_some(force_rate))
+        rung.change(terms, state, input, self.cache.force(force_rate).as_ref())
     }
 }
 
@@ -55,8 +54,7 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Exact<T, N, SLO
     const SHIFT: u32 = 2;
 
     fn begin(&mut self, sample_period: T, has_force: bool, rig_changed: bool) {
-        self.cache.begin(sample_period, rig_changed, FINEST_PER_COARSEST);
-        self.has_force = has_force;
+        self.cache.begin(sample_period, has_force, rig_changed, FINEST_PER_COARSEST);
     }
 
     fn units(&self) -> u32 {
@@ -75,7 +73,7 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Exact<T, N, SLO
     #[inline]
     fn enter(&mut self, model: &Model<T>, run: &Run<T>) {
         if self.cache.enter(model, run) {
-            self.corridor = if self.has_force { None } else { model.corridor(&run.mode) };
+            self.corridor = if self.cache.has_force { None } else { model.corridor(&run.mode) };
         }
     }
 

@@ -31,8 +31,6 @@ pub(super) struct Rung<T, const N: usize> {
     transition: Columns<T, N>,
     /// `integral of exp(A s)`, for constant rates.
     constant: Columns<T, N>,
-    /// Weight of the position error, command minus ram.
-    error: [T; N],
     command_rate: [T; N],
     force_rate: [T; N],
 }
@@ -42,15 +40,23 @@ pub(super) struct Rung<T, const N: usize> {
 pub(super) struct Terms<T, const N: usize> {
     /// Constant terms: friction, loads, offsets.
     constant: [T; N],
-    /// Force from outside, for each N.
-    force: [T; N],
+    /// Position error at the start (command minus ram), for each m.
+    error: [T; N],
+}
+
+/// A force from outside.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Force<T, const N: usize> {
+    /// What it adds to the rates of the state, for each N.
+    effect: [T; N],
+    /// Its rate, N/s.
+    rate: T,
 }
 
 impl<T: Real, const N: usize> Rung<T, N> {
     pub(super) const EMPTY: Self = Self {
         transition: [[T::ZERO; N]; N],
         constant: [[T::ZERO; N]; N],
-        error: [T::ZERO; N],
         command_rate: [T::ZERO; N],
         force_rate: [T::ZERO; N],
     };
@@ -62,13 +68,13 @@ impl<T: Real, const N: usize> Rung<T, N> {
         terms: &Terms<T, N>,
         state: &State<T>,
         input: &Input<T>,
-        force_rate: Option<T>,
+        force: Option<&Force<T, N>>,
     ) -> [T; N] {
         let z = state.leading::<N>();
         let error = (input.command - state.ram) - state.ram_rest;
         let mut change = terms.constant;
         for row in 0..N {
-            change[row] += self.error[row] * error;
+            change[row] += terms.error[row] * error;
             change[row] += self.command_rate[row] * input.command_rate;
         }
         for (column, &value) in self.transition.iter().zip(&z) {
@@ -76,9 +82,10 @@ impl<T: Real, const N: usize> Rung<T, N> {
                 change[row] += column[row] * value;
             }
         }
-        if let Some(force_rate) = force_rate {
+        if let Some(force) = force {
+            let constant = apply(&self.constant, &force.effect);
             for row in 0..N {
-                change[row] += terms.force[row] * input.force + self.force_rate[row] * force_rate;
+                change[row] += constant[row] * input.force + self.force_rate[row] * force.rate;
             }
         }
         change
@@ -115,6 +122,10 @@ pub(super) struct Cache<T, L, const N: usize, const RUNGS: usize, const SLOTS: u
     slot: usize,
     /// Number of the mode in use.
     mode: Option<u32>,
+    /// Is a force from outside ever not zero?
+    pub(super) has_force: bool,
+    /// What it adds to the rates of the state, for each N.
+    force: [T; N],
     /// What does not depend on the state in the mode in use, for each rung.
     pub(super) terms: [Terms<T, N>; RUNGS],
 }
@@ -133,12 +144,21 @@ impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const 
             next: 0,
             slot: 0,
             mode: None,
-            terms: [Terms { constant: [T::ZERO; N], force: [T::ZERO; N] }; RUNGS],
+            has_force: false,
+            force: [T::ZERO; N],
+            terms: [Terms { constant: [T::ZERO; N], error: [T::ZERO; N] }; RUNGS],
         }
     }
 
     /// Gets ready for a run; see [`Stepper::begin`](super::Stepper::begin). A coarsest step is a number of finest ones.
-    pub(super) fn begin(&mut self, sample_period: T, rig_changed: bool, finest_per_coarsest: u32) {
+    pub(super) fn begin(
+        &mut self,
+        sample_period: T,
+        has_force: bool,
+        rig_changed: bool,
+        finest_per_coarsest: u32,
+    ) {
+        self.has_force = has_force;
         if rig_changed || sample_period != self.sample_period {
             let mut repeats: u32 = 1;
             while repeats < 1024 && sample_period > T::literal(LONGEST_STEP) * T::from_count(repeats) {
@@ -164,6 +184,12 @@ impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const 
             self.mode = Some(run.mode_number);
         }
         is_other
+    }
+
+    /// The force from outside at a rate, where there is one.
+    #[inline(always)]
+    pub(super) fn force(&self, rate: T) -> Option<Force<T, N>> {
+        self.has_force.then_some(Force { effect: self.force, rate })
     }
 
     /// The ladder of the mode that was entered last.
@@ -192,13 +218,14 @@ impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const 
             });
         }
         let none = State::default();
-        let constant = model.affine_rate(mode, &none, &Input::default(), T::ONE).leading::<N>();
-        let unit = Input { force: T::ONE, ..Input::default() };
-        let force = model.affine_rate(mode, &none, &unit, T::ZERO).leading::<N>();
+        let rate = |input: Input<T>, one| model.affine_rate(mode, &none, &input, one).leading::<N>();
+        let constant = rate(Input::default(), T::ONE);
+        let error = rate(Input { command: T::ONE, ..Input::default() }, T::ZERO);
+        self.force = rate(Input { force: T::ONE, ..Input::default() }, T::ZERO);
         if let Some((_, ladder)) = self.slots.get(self.slot) {
             for (terms, rung) in self.terms.iter_mut().zip(ladder.rungs()) {
                 terms.constant = apply(&rung.constant, &constant);
-                terms.force = apply(&rung.constant, &force);
+                terms.error = apply(&rung.constant, &error);
             }
         }
     }
@@ -311,7 +338,6 @@ impl<T: Real, const N: usize> Growth<T, N> {
         rung.transition = self.transition;
         rung.transition[RAM] = self.constant_of(&system.shift);
         rung.constant = self.constant;
-        rung.error = self.constant_of(&system.command);
         rung.force_rate = self.ramp_of(&system.force);
     }
 }

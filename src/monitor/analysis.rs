@@ -24,27 +24,32 @@ const EVALUATIONS: u32 = 60;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found<const GENES: usize> {
     pub(super) genes: [f32; GENES],
-    pub(super) normal: Normal<f32, GENES>,
     pub(super) sums: Sums<GENES>,
     pub(super) path: Path,
     pub(super) end: Start,
 }
 
 impl<const GENES: usize> Found<GENES> {
+    /// Chi-square about the means of the channels.
+    fn chi_square(&self) -> f32 {
+        self.sums.misfit().chi_square
+    }
+
     /// Standard error of each gene that the equations predict; infinite where nothing is known.
     pub(super) fn standard_errors(&self) -> [f32; GENES] {
         let mut errors = [f32::INFINITY; GENES];
         // A gene that nothing depends on has no part in the matrix.
-        let mut normal = self.normal;
+        let known = self.sums.normal();
+        let mut normal = known;
         for gene in 0..GENES {
             if normal.curvature[(gene, gene)] <= 0.0 {
                 normal.curvature[(gene, gene)] = 1.0;
             }
         }
-        if let Some(known) = normal.standard_errors() {
+        if let Some(standard) = normal.standard_errors() {
             for gene in 0..GENES {
-                if self.normal.curvature[(gene, gene)] > 0.0 && known[gene].is_finite() {
-                    errors[gene] = known[gene];
+                if known.curvature[(gene, gene)] > 0.0 && standard[gene].is_finite() {
+                    errors[gene] = standard[gene];
                 }
             }
         }
@@ -58,12 +63,12 @@ impl<const GENES: usize> Found<GENES> {
 
     /// Is the residual noise?
     pub(super) fn is_explained(&self) -> bool {
-        within_noise(&self.normal.misfit)
+        within_noise(&self.sums.misfit())
     }
 
     /// The normal equations without the genes that the window says too little of to move them.
     fn without_quiet_genes(&self, config: &Config<GENES>) -> Normal<f32, GENES> {
-        let mut normal = self.normal;
+        let mut normal = self.sums.normal();
         for gene in 0..GENES {
             let resolution = resolution(config, gene);
             if normal.curvature[(gene, gene)] * resolution * resolution < 1.0 {
@@ -207,20 +212,14 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
     /// Where the pass that has ended was.
     fn there<const SAMPLES: usize>(&self, scene: &Scene<'_, GENES, SAMPLES>) -> Found<GENES> {
         let sums = *self.pass.sums();
-        Found {
-            genes: self.pass.genes,
-            normal: sums.normal(),
-            sums,
-            path: *self.pass.path(),
-            end: self.pass.end(scene),
-        }
+        Found { genes: self.pass.genes, sums, path: *self.pass.path(), end: self.pass.end(scene) }
     }
 
     /// The next place of a descent; none at its bottom.
     fn descend<const SAMPLES: usize>(&mut self, scene: &Scene<'_, GENES, SAMPLES>) -> Option<[f32; GENES]> {
         let there = self.there(scene);
         match &mut self.here {
-            Slot::Full(here) if !is_less(there.normal.misfit.chi_square, here.normal.misfit.chi_square) => {
+            Slot::Full(here) if !is_less(there.chi_square(), here.chi_square()) => {
                 self.halvings += 1;
                 let halfway = core::array::from_fn(|gene| 0.5 * (here.genes[gene] + there.genes[gene]));
                 return (self.halvings <= HALVINGS).then_some(halfway);
@@ -235,13 +234,13 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
         let normal = there.without_quiet_genes(scene.config);
         let (genes, promised) = normal.foreseen(&there.genes, GENES)?;
         // Also where the promise is no number.
-        (there.normal.misfit.chi_square - promised > TOLERANCE).then_some(genes)
+        (there.chi_square() - promised > TOLERANCE).then_some(genes)
     }
 
     /// What follows the bottom of a descent: the end, or a search for a better basin.
     fn conclude(&mut self, seeds: Option<&[[f32; GENES]; POPULATION]>) -> Option<([f32; GENES], bool)> {
         let here = self.here.get()?;
-        let chi_square = here.normal.misfit.chi_square;
+        let chi_square = here.chi_square();
         let settled = self.first.is_some_and(|(_, first)| first - chi_square <= (1e-3 * first).max(1.0));
         if let Some((genes, first)) = self.first
             && first < chi_square
@@ -257,7 +256,7 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
         self.first = Some((here.genes, chi_square));
         let mut search =
             SteadyState::new(Settings { population: POPULATION, ..Settings::default() }, GENES, self.seed);
-        search.insert(&here.genes, here.normal.misfit.mean_square());
+        search.insert(&here.genes, here.sums.misfit().mean_square());
         self.search = Slot::Full(search);
         if let Some(&genes) = seeds.and_then(|seeds| seeds.first()) {
             self.phase = Phase::Score(0);
