@@ -125,14 +125,20 @@ pub struct Compared<'a, T> {
 }
 
 impl<T: Real> Compared<'_, T> {
-    /// Residuals of one sample in units of their noise, measured minus predicted; 0 with weight `false` where the
-    /// channel is absent, unused or the sample is missing.
+    /// Residual of a channel at a sample in units of its noise, measured minus predicted; none where the channel is
+    /// absent, unused or the sample is missing.
+    #[inline(always)]
+    pub fn residual(&self, channel: usize, sample: usize, outputs: &Outputs<T>) -> Option<T> {
+        let &value = self.values[channel].get(sample)?;
+        value.finite().then(|| (value - outputs.to_array()[channel]) * self.weights[channel])
+    }
+
+    /// The same of all channels; 0 with weight `false` where there is none.
     #[inline(always)]
     pub fn residuals(&self, sample: usize, outputs: &Outputs<T>) -> [(T, bool); MEASURED] {
-        let predicted = outputs.to_array();
-        core::array::from_fn(|channel| match self.values[channel].get(sample) {
-            Some(&value) if value.finite() => ((value - predicted[channel]) * self.weights[channel], true),
-            _ => (T::ZERO, false),
+        core::array::from_fn(|channel| match self.residual(channel, sample, outputs) {
+            Some(residual) => (residual, true),
+            None => (T::ZERO, false),
         })
     }
 }
@@ -199,8 +205,8 @@ impl<T: Real> Problem<'_, T> {
                 if !record.is_compared(sample) {
                     return;
                 }
-                for (residual, used) in compared.residuals(sample, outputs) {
-                    if used {
+                for channel in 0..MEASURED {
+                    if let Some(residual) = compared.residual(channel, sample, outputs) {
                         misfit.chi_square += residual * residual;
                         misfit.count += 1;
                     }
