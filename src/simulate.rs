@@ -5,7 +5,7 @@ use crate::model::Drive;
 use crate::model::Model;
 use crate::model::play::play;
 use crate::model::sensor::{Lvdt, LvdtState};
-use crate::model::state::{Input, InputSegment, Outputs};
+use crate::model::state::{Input, InputSegment, Mode, Outputs, State};
 use crate::scalar::Real;
 
 /// What is the same for a whole simulation: model and sensors.
@@ -55,6 +55,12 @@ impl<T: Real> Follower<T> {
         self.lvdt = LvdtState::at_rest(user);
     }
 
+    /// Follows the ram to a position, m.
+    #[inline(always)]
+    pub fn follow(&mut self, ram: T) {
+        self.user = play(ram, self.user, self.half_backlash);
+    }
+
     /// What the LVDT of its actuator shows. Call it once a sample.
     pub fn shown(&mut self, actuator: &Actuator<T>) -> T {
         actuator.lvdt.sample(&mut self.lvdt, self.user)
@@ -92,23 +98,61 @@ impl<T: Real> Actuator<T> {
         advance(stepper, &self.model, &mut motion.run, segment, |ram| {
             user = play(ram, user, half);
             for follower in followers.iter_mut().flatten() {
-                follower.user = play(ram, follower.user, follower.half_backlash);
+                follower.follow(ram);
             }
         });
         motion.user = user;
     }
 
+    /// Takes a motion over samples in which nothing happens (see [`Stepper::glide`]), from a command (m) on, and shows
+    /// the number of each and what the channels show; returns how many it were.
+    #[inline(always)]
+    pub fn glide<S: Stepper<T>>(
+        &self,
+        stepper: &mut S,
+        motion: &mut Motion<T>,
+        command: T,
+        commands: &[T],
+        mut show: impl FnMut(usize, T, &Outputs<T>),
+    ) -> usize {
+        let Motion { run, user, lvdt } = motion;
+        let (mode, half) = (run.mode, self.model.half_backlash());
+        let mut sample = 0;
+        stepper.enter(&self.model, run);
+        let next = |done: u32| commands.get(done as usize).copied();
+        let done = stepper.glide(run, command, next, |state, input| {
+            let ram = state.ground();
+            *user = play(ram, *user, half);
+            let outputs = self.outputs(lvdt, *user, &mode, state, input);
+            show(sample, ram, &outputs);
+            sample += 1;
+        });
+        done as usize
+    }
+
     /// What the channels show at the present place of a motion. Call it once a sample: the LVDT has a memory.
     #[inline]
     pub fn measure(&self, motion: &mut Motion<T>, input: &Input<T>) -> Outputs<T> {
-        let (mode, state) = (&motion.run.mode, &motion.run.state);
+        let Motion { run, user, lvdt } = motion;
+        self.outputs(lvdt, *user, &run.mode, &run.state, input)
+    }
+
+    #[inline(always)]
+    fn outputs(
+        &self,
+        lvdt: &mut LvdtState<T>,
+        user: T,
+        mode: &Mode,
+        state: &State<T>,
+        input: &Input<T>,
+    ) -> Outputs<T> {
         let current = if self.model.form.drive == Drive::Force {
             T::ZERO
         } else {
             self.model.controller.current(mode.current, self.model.demand(mode, state, input), T::ONE)
         };
         Outputs {
-            user: self.lvdt.sample(&mut motion.lvdt, motion.user),
+            user: self.lvdt.sample(lvdt, user),
             ram: state.ground(),
             current,
             pressure: self.model.pressure(mode, state),

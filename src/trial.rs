@@ -58,11 +58,12 @@ impl<T: Real, const COUNT: usize> Samples<T, COUNT> {
         let record = Record::new(period, &self.command, &self.start);
         let mut walk = Walk::new(model, &record);
         stepper.begin(period, false, true);
-        for (user, current) in self.user.iter_mut().zip(&mut self.current) {
-            let Some((_, outputs)) = walk.next(&record, stepper) else { break };
-            *user = outputs.user;
-            *current = outputs.current;
-        }
+        let mut places = self.user.iter_mut().zip(&mut self.current);
+        walk.lead_on(&record, stepper, &mut [], COUNT, |_, outputs, _| {
+            if let Some((user, current)) = places.next() {
+                (*user, *current) = (outputs.user, outputs.current);
+            }
+        });
     }
 
     /// Adds bell-shaped noise to user position and current.

@@ -42,7 +42,7 @@ fn diagnosis(criterion: &mut Criterion) {
 
 fn batch(criterion: &mut Criterion) {
     use eha_monitor::channel::Channel;
-    use host_sim::fit::{FitSettings, fit, prepare};
+    use host_sim::fit::{FitSettings, fit, prepare_with};
     use host_sim::record::read_csv;
     use host_sim::rig::Rig;
 
@@ -51,8 +51,7 @@ fn batch(criterion: &mut Criterion) {
     let rig = Rig::load("eha").expect("a built-in rig");
     let record = read_csv(&file).expect("a record").record;
     assert!(record.channel(Channel::Current).is_some());
-    let prepared = [prepare(&rig, &record, 5e-6)];
-    let noise = [5e-6, f64::INFINITY, 0.02, f64::INFINITY];
+    let prepared = [prepare_with(&rig, &record, [5e-6, f64::INFINITY, 0.02, f64::INFINITY])];
     for threads in [1, 2] {
         let pool =
             ThreadPoolBuilder::new().num_threads(threads).stack_size(16 << 20).build().expect("threads");
@@ -61,7 +60,7 @@ fn batch(criterion: &mut Criterion) {
                 pool.install(|| {
                     let one = |seed: u64| {
                         let settings = FitSettings { seed, ..FitSettings::default() };
-                        fit(&rig, &rig.faults, &prepared, noise, &settings, |_| ()).misfit.chi_square
+                        fit(&rig, &rig.faults, &prepared, &settings, |_| ()).misfit.chi_square
                     };
                     (0..BATCH as u64).into_par_iter().map(one).sum::<f64>()
                 })

@@ -62,7 +62,7 @@ fn the_faults_are_found_where_the_model_is_that_of_the_actuator() {
     let reason = |trial: &str| log.results[&format!("{trial}.stop_reason")].as_f64();
     assert!(deviations(&log, "lf").iter().all(|&off| off < 4.0), "{:?}", log.results);
     assert_eq!(reason("lf"), 0.0, "the residual is down to the noise");
-    assert_eq!(log.results["lf.quiet_sample_steps"].as_f64(), 1.0, "an event in the quiet sample");
+    assert_eq!(log.results["lf.quiet_samples_steps"].as_f64(), 100.0, "an event in the quiet samples");
     // The square root of the valve's flow is not in the monitor's model, which takes it for friction.
     assert!(deviations(&log, "hf")[1] > 10.0, "{:?}", log.results);
     assert_eq!(reason("hf"), 1.0, "the search settles above the noise");

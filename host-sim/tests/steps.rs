@@ -9,7 +9,7 @@ use eha_monitor::parameter::Parameters;
 use eha_monitor::simulate::Actuator;
 
 const PERIOD: f64 = 1e-3;
-/// Most steps in a second; a step of 1e-5 s would take 100 000. Measured: 1208 to 2526.
+/// Most steps in a second; a step of 1e-5 s would take 100 000. Measured: 1208 to 2522.
 const MOST_STEPS: u32 = 3000;
 
 #[test]

@@ -4,7 +4,7 @@
 //! together, a few samples at a time, so no trace is stored. A neighbour that differs in its output only (backlash,
 //! LVDT) follows the motion of the model and costs no simulation.
 
-use super::problem::{MEASURED, Misfit, Problem, Record};
+use super::problem::{Compared, MEASURED, Misfit, Problem, Record};
 use super::walk::Walk;
 use crate::integrate::Stepper;
 use crate::model::Model;
@@ -166,8 +166,8 @@ struct Residuals<T, const GENES: usize> {
 
 impl<T: Real, const GENES: usize> Residuals<T, GENES> {
     /// Notes what a gene's neighbour predicts.
-    fn compare(&mut self, record: &Record<'_, T>, sample: usize, gene: usize, outputs: &Outputs<T>) {
-        let residuals = record.residuals(sample, outputs);
+    fn compare(&mut self, compared: &Compared<'_, T>, sample: usize, gene: usize, outputs: &Outputs<T>) {
+        let residuals = compared.residuals(sample, outputs);
         for (neighbours, (residual, _)) in self.neighbours.iter_mut().zip(residuals) {
             if let Some(neighbour) = neighbours.get_mut(gene) {
                 *neighbour = residual;
@@ -196,19 +196,22 @@ impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
         neighbours: &[Walk<T>; GENES],
         followers: &mut [Option<Follower<T>>; GENES],
     ) {
-        for place in &mut self.samples {
-            let Some((sample, outputs)) = walk.lead(record, stepper, followers) else { break };
+        let compared = record.compared();
+        let (mut places, mut filled) = (self.samples.iter_mut(), 0);
+        walk.lead_on(record, stepper, followers, CHUNK, |sample, outputs, followers| {
+            let Some(place) = places.next() else { return };
             for (gene, (follower, neighbour)) in followers.iter_mut().zip(neighbours).enumerate() {
                 if let Some(follower) = follower {
                     let user = follower.shown(neighbour.actuator());
-                    place.compare(record, sample, gene, &Outputs { user, ..outputs });
+                    place.compare(&compared, sample, gene, &Outputs { user, ..*outputs });
                 }
             }
             if record.is_compared(sample) {
-                place.base = record.residuals(sample, &outputs);
+                place.base = compared.residuals(sample, outputs);
             }
-            self.filled += 1;
-        }
+            filled += 1;
+        });
+        self.filled = filled;
     }
 
     fn fill_neighbour<S: Stepper<T>>(
@@ -218,10 +221,13 @@ impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
         stepper: &mut S,
         gene: usize,
     ) {
-        for place in self.samples.iter_mut().take(self.filled) {
-            let Some((sample, outputs)) = walk.next(record, stepper) else { break };
-            place.compare(record, sample, gene, &outputs);
-        }
+        let compared = record.compared();
+        let mut places = self.samples.iter_mut();
+        walk.lead_on(record, stepper, &mut [], self.filled, |sample, outputs, _| {
+            if let Some(place) = places.next() {
+                place.compare(&compared, sample, gene, outputs);
+            }
+        });
     }
 
     fn accumulate(&self, normal: &mut Normal<T, GENES>, widths: &[T; GENES], active: usize) {

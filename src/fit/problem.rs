@@ -72,25 +72,19 @@ impl<'a, T: Real> Record<'a, T> {
     /// Is a sample compared with the model?
     #[inline]
     pub fn is_compared(&self, sample: usize) -> bool {
-        sample % self.stretch.max(1) >= self.settle
+        self.settle == 0 || sample % self.stretch.max(1) >= self.settle
     }
 
-    /// Residuals of one sample in units of their noise, measured minus predicted; 0 with weight `false` where the
-    /// channel is absent, unused or the sample is missing.
-    #[inline]
-    pub fn residuals(&self, sample: usize, outputs: &Outputs<T>) -> [(T, bool); MEASURED] {
-        let mut residuals = [(T::ZERO, false); MEASURED];
-        let predicted = outputs.to_array();
+    /// What of it is compared with the model.
+    pub fn compared(&self) -> Compared<'a, T> {
+        let mut compared = Compared { values: [&[]; MEASURED], weights: [T::ZERO; MEASURED] };
         for channel in 0..MEASURED {
-            let (Some(&value), true) = (self.measured[channel].get(sample), self.noise[channel].finite())
-            else {
-                continue;
-            };
-            if value.finite() {
-                residuals[channel] = ((value - predicted[channel]) / self.noise[channel], true);
+            if self.noise[channel].finite() {
+                compared.values[channel] = self.measured[channel];
+                compared.weights[channel] = T::ONE / self.noise[channel];
             }
         }
-        residuals
+        compared
     }
 }
 
@@ -139,6 +133,33 @@ pub struct Problem<'a, T> {
     pub records: &'a [Record<'a, T>],
 }
 
+/// The channels of a record that are compared with the model; an unused one is empty.
+#[derive(Clone, Copy, Debug)]
+pub struct Compared<'a, T> {
+    values: [&'a [T]; MEASURED],
+    /// 1 over the noise.
+    weights: [T; MEASURED],
+}
+
+impl<T: Real> Compared<'_, T> {
+    /// Residual of a channel at a sample in units of its noise, measured minus predicted; none where the channel is
+    /// absent, unused or the sample is missing.
+    #[inline(always)]
+    pub fn residual(&self, channel: usize, sample: usize, outputs: &Outputs<T>) -> Option<T> {
+        let &value = self.values[channel].get(sample)?;
+        value.finite().then(|| (value - outputs.to_array()[channel]) * self.weights[channel])
+    }
+
+    /// The same of all channels; 0 with weight `false` where there is none.
+    #[inline(always)]
+    pub fn residuals(&self, sample: usize, outputs: &Outputs<T>) -> [(T, bool); MEASURED] {
+        core::array::from_fn(|channel| match self.residual(channel, sample, outputs) {
+            Some(residual) => (residual, true),
+            None => (T::ZERO, false),
+        })
+    }
+}
+
 /// Sum of squares of the residual in units of its noise, and how many samples it is made of.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Misfit<T> {
@@ -184,17 +205,18 @@ impl<T: Real> Problem<'_, T> {
             stepper.begin(record.sample_period, !record.force.is_empty(), rig_changed);
             rig_changed = false;
             let mut walk = Walk::new(&model, record);
-            while let Some((sample, outputs)) = walk.next(record, stepper) {
+            let compared = record.compared();
+            walk.lead_on(record, stepper, &mut [], usize::MAX, |sample, outputs, _| {
                 if !record.is_compared(sample) {
-                    continue;
+                    return;
                 }
-                for (residual, used) in record.residuals(sample, &outputs) {
-                    if used {
+                for channel in 0..MEASURED {
+                    if let Some(residual) = compared.residual(channel, sample, outputs) {
                         misfit.chi_square += residual * residual;
                         misfit.count += 1;
                     }
                 }
-            }
+            });
         }
         misfit
     }

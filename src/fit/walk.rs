@@ -14,8 +14,12 @@ pub struct Walk<T> {
     motion: Motion<T>,
     sample_rate: T,
     sample: usize,
-    /// First sample of the stretch, and its time, s.
-    origin: (usize, T),
+    /// Time from which the samples of the stretch count theirs, s: 0 in a record that is whole.
+    origin: T,
+    /// Samples to come before the walk starts anew.
+    left: usize,
+    /// Command at the last sample, m.
+    command: T,
 }
 
 impl<T: Real> Walk<T> {
@@ -23,7 +27,8 @@ impl<T: Real> Walk<T> {
     pub fn new(model: &Model<T>, record: &Record<'_, T>) -> Self {
         let actuator = Actuator::new(*model, record.sample_period);
         let motion = actuator.at_rest(T::ZERO, &Input::default());
-        Self { actuator, motion, sample_rate: T::ONE / record.sample_period, sample: 0, origin: (0, T::ZERO) }
+        let sample_rate = T::ONE / record.sample_period;
+        Self { actuator, motion, sample_rate, sample: 0, origin: T::ZERO, left: 0, command: T::ZERO }
     }
 
     /// Predicts the next sample: its index and what the channels show; none past the end.
@@ -48,27 +53,66 @@ impl<T: Real> Walk<T> {
         let command = *record.command.get(sample)?;
         let force_at = |index: usize| record.force.get(index).copied().unwrap_or(T::ZERO);
         let input;
-        if sample.is_multiple_of(record.stretch.max(1)) {
+        if self.left == 0 {
+            let stretch = record.stretch.max(1);
             input = Input { command, command_rate: T::ZERO, force: force_at(sample) };
-            let start = record.starts.get(sample / record.stretch.max(1)).copied().unwrap_or_default();
-            self.origin = (sample, start.time);
+            let start = record.starts.get(sample / stretch).copied().unwrap_or_default();
+            self.origin = start.time - record.sample_period * T::from_count(sample as u32);
             self.motion = self.started(&start, &input);
             for follower in followers.iter_mut().flatten() {
                 follower.restart(self.motion.user);
             }
+            self.left = stretch;
         } else {
-            let previous = record.command.get(sample - 1).copied().unwrap_or(command);
-            let segment = InputSegment::between(
-                [previous, command],
-                [force_at(sample - 1), force_at(sample)],
-                self.origin.1 + record.sample_period * T::from_count((sample - 1 - self.origin.0) as u32),
-                self.sample_rate,
-            );
+            let force = if record.force.is_empty() {
+                [T::ZERO; 2]
+            } else {
+                [force_at(sample.saturating_sub(1)), force_at(sample)]
+            };
+            let time = self.origin + record.sample_period * T::from_count((sample as u32).saturating_sub(1));
+            let segment = InputSegment::between([self.command, command], force, time, self.sample_rate);
             self.actuator.lead(stepper, &mut self.motion, &segment, followers);
-            input = Input { command, force: force_at(sample), ..segment.start };
+            input = Input { command, force: force[1], ..segment.start };
         }
+        self.command = command;
+        self.left = self.left.saturating_sub(1);
         self.sample += 1;
         Some((sample, self.actuator.measure(&mut self.motion, &input)))
+    }
+
+    /// Predicts the next samples, at most a number of them, and shows each: its index, what the channels show, and the
+    /// followers.
+    #[inline]
+    pub fn lead_on<S: Stepper<T>>(
+        &mut self,
+        record: &Record<'_, T>,
+        stepper: &mut S,
+        followers: &mut [Option<Follower<T>>],
+        most: usize,
+        mut show: impl FnMut(usize, &Outputs<T>, &mut [Option<Follower<T>>]),
+    ) {
+        let end = self.sample.saturating_add(most).min(record.command.len());
+        while self.sample < end {
+            let first = self.sample;
+            let ahead = record.command.get(first..end.min(first + self.left)).unwrap_or(&[]);
+            if !ahead.is_empty() && record.force.is_empty() {
+                let (actuator, motion) = (&self.actuator, &mut self.motion);
+                let done = actuator.glide(stepper, motion, self.command, ahead, |offset, ram, outputs| {
+                    for follower in followers.iter_mut().flatten() {
+                        follower.follow(ram);
+                    }
+                    show(first + offset, outputs, followers);
+                });
+                if let Some(&command) = done.checked_sub(1).and_then(|last| ahead.get(last)) {
+                    self.command = command;
+                    self.sample += done;
+                    self.left -= done;
+                    continue;
+                }
+            }
+            let Some((sample, outputs)) = self.lead(record, stepper, followers) else { return };
+            show(sample, &outputs, followers);
+        }
     }
 
     fn started(&self, start: &Start<T>, input: &Input<T>) -> Motion<T> {

@@ -10,9 +10,8 @@
 //! A parabola differs from the straight line between its ends by the value in the middle. What that moves the ram by is
 //! the estimate of the error: far above the error itself, which falls with the fourth power of the step.
 
-use super::exact::LONGEST_STEP;
-use super::ladder::{Growth, Moments, Rung};
-use super::{Step, Stepper};
+use super::ladder::{self, Cache, Growth, Moments, Rung};
+use super::{Run, Step, Stepper};
 use crate::model::Model;
 use crate::model::curved::{Curved, Term};
 use crate::model::state::{Input, Mode, PRESSURE, RAM, RAM_VELOCITY, State};
@@ -61,12 +60,18 @@ struct Answer<T, const N: usize> {
     end: Weights<T, N>,
 }
 
+/// Affine parts on a ladder, from half the finest step on: the half of a step is the whole of the one below.
+const RUNGS: usize = LEVELS + 1;
+
+impl<T: Real, const N: usize> Answer<T, N> {
+    const EMPTY: Self = Self { middle: Weights([[T::ZERO; N]; 3]), end: Weights([[T::ZERO; N]; 3]) };
+}
+
 /// The steps of one mode.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Ladder<T, const N: usize> {
-    key: u16,
-    /// The affine part, from half the finest step on: the half of a step is the whole of the one below.
-    rungs: [Rung<T, N>; LEVELS + 1],
+    /// The affine part.
+    rungs: [Rung<T, N>; RUNGS],
     /// What the curved laws add, for each step length.
     answers: [Curved<Answer<T, N>>; LEVELS],
 }
@@ -75,66 +80,23 @@ struct Ladder<T, const N: usize> {
 #[derive(Clone, Debug)]
 pub struct Collocation<T, const N: usize, const SLOTS: usize> {
     tolerance: T,
-    sample_period: T,
-    finest: T,
-    units: u32,
-    ladders: [Option<Ladder<T, N>>; SLOTS],
-    next: usize,
-    slot: usize,
-    has_force: bool,
-    mode: Option<Mode>,
-    /// What the constant terms of the mode add, for each rung.
-    constants: [[T; N]; LEVELS + 1],
+    cache: Cache<T, Ladder<T, N>, N, RUNGS, SLOTS>,
 }
 
 impl<T: Real, const N: usize, const SLOTS: usize> Collocation<T, N, SLOTS> {
     /// Steps that err by less than some metres of ram position by their own estimate.
     pub const fn new(tolerance: T) -> Self {
-        Self {
-            tolerance,
-            sample_period: T::ZERO,
-            finest: T::ZERO,
-            units: 0,
-            ladders: [None; SLOTS],
-            next: 0,
-            slot: 0,
-            has_force: false,
-            mode: None,
-            constants: [[T::ZERO; N]; LEVELS + 1],
-        }
-    }
-
-    fn occupied(&self, slot: usize, key: u16) -> bool {
-        self.ladders.get(slot).is_some_and(|ladder| ladder.as_ref().is_some_and(|ladder| ladder.key == key))
-    }
-
-    /// Finds or makes the matrices of a mode, and what the constant terms of the mode add.
-    #[cold]
-    fn prepare(&mut self, model: &Model<T>, mode: &Mode) {
-        let key = mode.key(model.has_directed_matrices());
-        if !self.occupied(self.slot, key) {
-            self.slot = (0..SLOTS).find(|&slot| self.occupied(slot, key)).unwrap_or_else(|| {
-                let slot = self.next;
-                self.next = (self.next + 1) % SLOTS;
-                if let Some(place) = self.ladders.get_mut(slot) {
-                    *place = Some(Ladder::new(model, mode, key, self.finest));
-                }
-                slot
-            });
-        }
-        let rate = model.affine_rate(mode, &State::default(), &Input::default(), T::ONE);
-        let rate = rate.leading::<N>();
-        if let Some(Some(ladder)) = self.ladders.get(self.slot) {
-            for (constants, rung) in self.constants.iter_mut().zip(&ladder.rungs) {
-                *constants = rung.of_constants(&rate);
-            }
-        }
-        self.mode = Some(*mode);
+        Self { tolerance, cache: Cache::new() }
     }
 }
 
-impl<T: Real, const N: usize> Ladder<T, N> {
-    fn new(model: &Model<T>, mode: &Mode, key: u16, finest: T) -> Self {
+impl<T: Real, const N: usize> ladder::Ladder<T, N, RUNGS> for Ladder<T, N> {
+    const EMPTY: Self = Self {
+        rungs: [Rung::EMPTY; RUNGS],
+        answers: [Curved { force: Answer::EMPTY, pressure_rate: Answer::EMPTY }; LEVELS],
+    };
+
+    fn make(&mut self, model: &Model<T>, mode: &Mode, finest: T) {
         let rest = State::default();
         let column = |curved: Curved<T>| {
             model.rate_with(mode, &rest, &Input::default(), T::ZERO, &curved).leading::<N>()
@@ -144,8 +106,9 @@ impl<T: Real, const N: usize> Ladder<T, N> {
             column(Curved { pressure_rate: T::ONE, ..Curved::default() }),
         ];
         let (mut growth, mut moments) = Growth::new(model, mode, finest * T::literal(0.5), columns);
-        let mut rungs = [growth.rung(); LEVELS + 1];
-        let answers = core::array::from_fn(|level| {
+        let [first, rungs @ ..] = &mut self.rungs;
+        growth.lay(first);
+        for (answers, rung) in self.answers.iter_mut().zip(rungs) {
             let step = growth.step + growth.step;
             let powers = |growth: &Growth<T, N>, moment: &Moments<T, N>| {
                 let (constant, ramp) = (growth.constant_of(&moment.column), growth.ramp_of(&moment.column));
@@ -155,34 +118,27 @@ impl<T: Real, const N: usize> Ladder<T, N> {
             growth.double(&mut moments);
             let end = [powers(&growth, &moments[0]), powers(&growth, &moments[1])];
             let answer = |place: usize| Answer { middle: middle[place], end: end[place] };
-            rungs[level + 1] = growth.rung();
-            Curved { force: answer(0), pressure_rate: answer(1) }
-        });
-        Self { key, rungs, answers }
+            growth.lay(rung);
+            *answers = Curved { force: answer(0), pressure_rate: answer(1) };
+        }
+    }
+
+    fn rungs(&self) -> &[Rung<T, N>; RUNGS] {
+        &self.rungs
     }
 }
 
 impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Collocation<T, N, SLOTS> {
     const TOP: usize = LEVELS - 1;
     const SHIFT: u32 = 1;
+    const ESTIMATES: bool = true;
 
     fn begin(&mut self, sample_period: T, has_force: bool, rig_changed: bool) {
-        if rig_changed || sample_period != self.sample_period {
-            let mut repeats: u32 = 1;
-            while repeats < 1024 && sample_period > T::literal(LONGEST_STEP) * T::from_count(repeats) {
-                repeats += 1;
-            }
-            self.units = repeats << Self::TOP;
-            self.finest = sample_period / T::from_count(self.units);
-            self.sample_period = sample_period;
-            self.ladders = [None; SLOTS];
-        }
-        self.has_force = has_force;
-        self.mode = None;
+        self.cache.begin(sample_period, has_force, rig_changed, 1 << Self::TOP);
     }
 
     fn units(&self) -> u32 {
-        self.units
+        self.cache.units
     }
 
     #[inline(always)]
@@ -191,14 +147,12 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Collocation<T, 
     }
 
     fn unit(&self) -> T {
-        self.finest
+        self.cache.finest
     }
 
     #[inline]
-    fn enter(&mut self, model: &Model<T>, mode: &Mode) {
-        if self.mode != Some(*mode) {
-            self.prepare(model, mode);
-        }
+    fn enter(&mut self, model: &Model<T>, run: &Run<T>) {
+        self.cache.enter(model, run);
     }
 
     fn step(
@@ -210,10 +164,11 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Collocation<T, 
         force_rate: T,
         level: usize,
     ) -> Step<T> {
-        let Some(Some(ladder)) = self.ladders.get(self.slot) else { return Step::exact(*state) };
+        let Some(ladder) = self.cache.ladder() else { return Step::exact(*state) };
         let Some(answers) = ladder.answers.get(level) else { return Step::exact(*state) };
-        let force_rate = self.has_force.then_some(force_rate);
-        let affine = |rung: usize| ladder.rungs[rung].change(&self.constants[rung], state, input, force_rate);
+        let force = self.cache.force(force_rate);
+        let affine =
+            |rung: usize| ladder.rungs[rung].change(&self.cache.terms[rung], state, input, force.as_ref());
         let (middle, end) = (affine(level), affine(level + 1));
         let start = model.curved(mode, state);
         let mut force = Nodes::constant(start.force);

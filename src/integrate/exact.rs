@@ -2,12 +2,12 @@
 //!
 //! Inside a mode a step of any length is one matrix product (see `ladder.rs`). A *ladder* holds the
 //! products for four lengths, each a quarter of the one above: a whole sample where nothing happens, shorter ones
-//! around an event. The matrices depend on the rig; `FDJ` and `BKL` do not change them, so one set of ladders serves
-//! every candidate of a search.
+//! around an event.
 
-use super::ladder::{Growth, Rung};
-use super::{Step, Stepper};
+use super::ladder::{self, Cache, Growth, Rung};
+use super::{Run, Step, Stepper};
 use crate::model::Model;
+use crate::model::corridor::{Corridor, Passage, Watched};
 use crate::model::state::{Input, Mode, State};
 use crate::scalar::Real;
 
@@ -15,60 +15,31 @@ use crate::scalar::Real;
 pub const LEVELS: usize = 4;
 /// Finest steps in a coarsest one.
 const FINEST_PER_COARSEST: u32 = 64;
-/// Longest coarsest step, s; a sample that lasts longer is taken in several.
-pub(super) const LONGEST_STEP: f64 = 1.001e-3;
 
 /// The steps of one mode.
-#[derive(Clone, Copy, Debug)]
-struct Ladder<T, const N: usize> {
-    key: u16,
-    rungs: [Rung<T, N>; LEVELS],
-}
+#[derive(Clone, Debug)]
+struct Ladder<T, const N: usize>([Rung<T, N>; LEVELS]);
 
 /// Exact steps for a model of `N` states, with ladders for `SLOTS` modes kept at a time.
-///
-/// The ladders are a cache: they are made when a mode is first entered, and results do not depend on `SLOTS`.
 #[derive(Clone, Debug)]
 pub struct Exact<T, const N: usize, const SLOTS: usize> {
-    sample_period: T,
-    finest: T,
-    units: u32,
-    ladders: [Option<Ladder<T, N>>; SLOTS],
-    next: usize,
-    slot: usize,
-    has_force: bool,
-    mode: Option<Mode>,
-    /// What the constant terms of the mode add, for each step length.
-    constants: [[T; N]; LEVELS],
+    cache: Cache<T, Ladder<T, N>, N, LEVELS, SLOTS>,
+    corridor: Option<Corridor<T>>,
 }
 
 impl<T: Real, const N: usize, const SLOTS: usize> Exact<T, N, SLOTS> {
-    /// An empty cache.
+    /// Steps without any matrices yet.
     pub const fn new() -> Self {
-        Self {
-            sample_period: T::ZERO,
-            finest: T::ZERO,
-            units: 0,
-            ladders: [None; SLOTS],
-            next: 0,
-            slot: 0,
-            has_force: false,
-            mode: None,
-            constants: [[T::ZERO; N]; LEVELS],
-        }
+        Self { cache: Cache::new(), corridor: None }
     }
 
-    fn occupied(&self, slot: usize, key: u16) -> bool {
-        self.ladders.get(slot).is_some_and(|ladder| ladder.as_ref().is_some_and(|ladder| ladder.key == key))
-    }
-
+    #[inline(always)]
     fn product(&self, state: &State<T>, input: &Input<T>, force_rate: T, level: usize) -> [T; N] {
-        let (Some(Some(ladder)), Some(constants)) = (self.ladders.get(self.slot), self.constants.get(level))
-        else {
+        let rung = self.cache.ladder().and_then(|ladder| ladder.0.get(level));
+        let (Some(rung), Some(terms)) = (rung, self.cache.terms.get(level)) else {
             return [T::ZERO; N];
         };
-        let Some(rung) = ladder.rungs.get(level) else { return [T::ZERO; N] };
-        rung.change(constants, state, input, self.has_force.then_some(force_rate))
+        rung.change(terms, state, input, self.cache.force(force_rate).as_ref())
     }
 }
 
@@ -83,22 +54,11 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Exact<T, N, SLO
     const SHIFT: u32 = 2;
 
     fn begin(&mut self, sample_period: T, has_force: bool, rig_changed: bool) {
-        if rig_changed || sample_period != self.sample_period {
-            let mut repeats: u32 = 1;
-            while repeats < 1024 && sample_period > T::literal(LONGEST_STEP) * T::from_count(repeats) {
-                repeats += 1;
-            }
-            self.units = FINEST_PER_COARSEST * repeats;
-            self.finest = sample_period / T::from_count(self.units);
-            self.sample_period = sample_period;
-            self.ladders = [None; SLOTS];
-        }
-        self.has_force = has_force;
-        self.mode = None;
+        self.cache.begin(sample_period, has_force, rig_changed, FINEST_PER_COARSEST);
     }
 
     fn units(&self) -> u32 {
-        self.units
+        self.cache.units
     }
 
     #[inline(always)]
@@ -107,14 +67,71 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Exact<T, N, SLO
     }
 
     fn unit(&self) -> T {
-        self.finest
+        self.cache.finest
     }
 
     #[inline]
-    fn enter(&mut self, model: &Model<T>, mode: &Mode) {
-        if self.mode != Some(*mode) {
-            self.prepare(model, mode);
+    fn enter(&mut self, model: &Model<T>, run: &Run<T>) {
+        if self.cache.enter(model, run) {
+            self.corridor = if self.cache.has_force { None } else { model.corridor(&run.mode) };
         }
+    }
+
+    #[inline(always)]
+    fn corridor(&self) -> Option<&Corridor<T>> {
+        self.corridor.as_ref()
+    }
+
+    #[inline(always)]
+    fn glide(
+        &self,
+        run: &mut Run<T>,
+        mut command: T,
+        mut commands: impl FnMut(u32) -> Option<T>,
+        mut see: impl FnMut(&State<T>, &Input<T>),
+    ) -> u32 {
+        let (Some(corridor), Some(Ladder([.., rung])), [.., terms]) =
+            (&self.corridor, self.cache.ladder(), &self.cache.terms)
+        else {
+            return 0;
+        };
+        if self.cache.units != FINEST_PER_COARSEST || run.stride != FINEST_PER_COARSEST {
+            return 0;
+        }
+        let (mut state, mut swing, mut has_margin) = (run.state, run.swing, run.has_margin);
+        let mut here = corridor.watched(&state, &Input { command, ..Input::default() });
+        let mut done = 0;
+        while let Some(next) = commands(done) {
+            let command_rate = (next - command) * self.cache.sample_rate;
+            let input = Input { command, command_rate, force: T::ZERO };
+            let there = state.changed(&rung.change(terms, &state, &input, None));
+            let input = Input { command: next, ..input };
+            let after = corridor.watched(&there, &input);
+            let change: Watched<T> = core::array::from_fn(|index| after[index] - here[index]);
+            let is_clear = has_margin && corridor.is_clear(&after, &change, &swing);
+            if !is_clear {
+                // Copies, so that these live in registers elsewhere.
+                let (here, after, swing, change) = ({ here }, { after }, { swing }, { change });
+                match corridor.passage(&here, &after, &swing) {
+                    Passage::Clear => has_margin = corridor.has_margin(&after, &change),
+                    Passage::Close => break,
+                    Passage::Left => {
+                        run.is_refused = true;
+                        break;
+                    }
+                }
+            }
+            (command, state, here, swing) = (next, there, after, change);
+            done += 1;
+            see(&state, &input);
+        }
+        if done > 0 {
+            run.state.take_base(&state);
+            (run.swing, run.has_margin) = (swing, has_margin);
+            run.has_guards = false;
+            run.steps = run.steps.wrapping_add(done);
+        }
+        done
     }
 
     #[inline(always)]
@@ -131,42 +148,21 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Exact<T, N, SLO
     }
 }
 
-impl<T: Real, const N: usize, const SLOTS: usize> Exact<T, N, SLOTS> {
-    /// Finds or makes the ladder of a mode, and the constant terms of the mode on it.
-    #[cold]
-    fn prepare(&mut self, model: &Model<T>, mode: &Mode) {
-        let key = mode.key(model.has_directed_matrices());
-        if !self.occupied(self.slot, key) {
-            self.slot = (0..SLOTS).find(|&slot| self.occupied(slot, key)).unwrap_or_else(|| {
-                let slot = self.next;
-                self.next = (self.next + 1) % SLOTS;
-                if let Some(place) = self.ladders.get_mut(slot) {
-                    *place = Some(Ladder::new(model, mode, self.finest));
-                }
-                slot
-            });
-        }
-        let rate = model.affine_rate(mode, &State::default(), &Input::default(), T::ONE);
-        let rate = rate.leading::<N>();
-        if let Some(Some(ladder)) = self.ladders.get(self.slot) {
-            for (constants, rung) in self.constants.iter_mut().zip(&ladder.rungs) {
-                *constants = rung.of_constants(&rate);
-            }
-        }
-        self.mode = Some(*mode);
-    }
-}
+impl<T: Real, const N: usize> ladder::Ladder<T, N, LEVELS> for Ladder<T, N> {
+    const EMPTY: Self = Self([Rung::EMPTY; LEVELS]);
 
-impl<T: Real, const N: usize> Ladder<T, N> {
-    fn new(model: &Model<T>, mode: &Mode, finest: T) -> Self {
+    fn make(&mut self, model: &Model<T>, mode: &Mode, finest: T) {
         let (mut growth, _) = Growth::new(model, mode, finest, []);
-        let rungs = core::array::from_fn(|level| {
+        for (level, rung) in self.0.iter_mut().enumerate() {
             if level > 0 {
                 growth.double(&mut []);
                 growth.double(&mut []);
             }
-            growth.rung()
-        });
-        Self { key: mode.key(model.has_directed_matrices()), rungs }
+            growth.lay(rung);
+        }
+    }
+
+    fn rungs(&self) -> &[Rung<T, N>; LEVELS] {
+        &self.0
     }
 }

@@ -6,13 +6,20 @@
 //! A product is kept as increments, `exp(A h) - 1`, which loses nothing to rounding where `exp(A h)` is close to 1:
 //! in `f32` this keeps a simulated second within some nanometres of `f64`. For the same reason ram and command enter
 //! as their difference: a loop that does not know where it is (no spring load) then has a column of exact zeros.
+//!
+//! The matrices depend on the rig; `FDJ` and `BKL` do not change them, so one [`Cache`] serves every candidate of a
+//! search.
 
+use super::Run;
 use crate::model::Model;
 use crate::model::state::{FULL_ORDER, Input, Mode, RAM, State};
 use crate::scalar::Real;
 
 /// Terms of the series for the shortest step.
 const TERMS: u32 = 14;
+
+/// Longest coarsest step, s; a sample that lasts longer is taken in several.
+const LONGEST_STEP: f64 = 1.001e-3;
 
 /// A matrix by columns: a product then adds whole columns, which a vector unit does side by side.
 pub(super) type Columns<T, const N: usize> = [[T; N]; N];
@@ -24,28 +31,50 @@ pub(super) struct Rung<T, const N: usize> {
     transition: Columns<T, N>,
     /// `integral of exp(A s)`, for constant rates.
     constant: Columns<T, N>,
-    /// Weight of the position error, command minus ram.
-    error: [T; N],
     command_rate: [T; N],
-    force: [T; N],
     force_rate: [T; N],
 }
 
+/// What a step adds whatever the state.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Terms<T, const N: usize> {
+    /// Constant terms: friction, loads, offsets.
+    constant: [T; N],
+    /// Position error at the start (command minus ram), for each m.
+    error: [T; N],
+}
+
+/// A force from outside.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Force<T, const N: usize> {
+    /// What it adds to the rates of the state, for each N.
+    effect: [T; N],
+    /// Its rate, N/s.
+    rate: T,
+}
+
 impl<T: Real, const N: usize> Rung<T, N> {
-    /// What a step adds to a state, given what the constant terms add.
+    pub(super) const EMPTY: Self = Self {
+        transition: [[T::ZERO; N]; N],
+        constant: [[T::ZERO; N]; N],
+        command_rate: [T::ZERO; N],
+        force_rate: [T::ZERO; N],
+    };
+
+    /// What a step adds to a state, given what it adds whatever the state.
     #[inline(always)]
     pub(super) fn change(
         &self,
-        constants: &[T; N],
+        terms: &Terms<T, N>,
         state: &State<T>,
         input: &Input<T>,
-        force_rate: Option<T>,
+        force: Option<&Force<T, N>>,
     ) -> [T; N] {
         let z = state.leading::<N>();
         let error = (input.command - state.ram) - state.ram_rest;
-        let mut change = *constants;
+        let mut change = terms.constant;
         for row in 0..N {
-            change[row] += self.error[row] * error;
+            change[row] += terms.error[row] * error;
             change[row] += self.command_rate[row] * input.command_rate;
         }
         for (column, &value) in self.transition.iter().zip(&z) {
@@ -53,17 +82,152 @@ impl<T: Real, const N: usize> Rung<T, N> {
                 change[row] += column[row] * value;
             }
         }
-        if let Some(force_rate) = force_rate {
+        if let Some(force) = force {
+            let constant = apply(&self.constant, &force.effect);
             for row in 0..N {
-                change[row] += self.force[row] * input.force + self.force_rate[row] * force_rate;
+                change[row] += constant[row] * input.force + self.force_rate[row] * force.rate;
             }
         }
         change
     }
+}
 
-    /// What constant rates add.
-    pub(super) fn of_constants(&self, rate: &[T; N]) -> [T; N] {
-        apply(&self.constant, rate)
+/// The steps of one mode.
+pub(super) trait Ladder<T, const N: usize, const RUNGS: usize> {
+    /// None yet.
+    const EMPTY: Self;
+
+    /// Makes the steps of a mode, the finest of a length in s, in place: it is too large for the stack of a
+    /// microcontroller.
+    fn make(&mut self, model: &Model<T>, mode: &Mode, finest: T);
+
+    /// Its affine part, the shortest step first.
+    fn rungs(&self) -> &[Rung<T, N>; RUNGS];
+}
+
+/// Ladders of up to `SLOTS` modes, made when a mode is first entered; results do not depend on `SLOTS`.
+#[derive(Clone, Debug)]
+pub(super) struct Cache<T, L, const N: usize, const RUNGS: usize, const SLOTS: usize> {
+    sample_period: T,
+    /// 1 over the sample period, 1/s.
+    pub(super) sample_rate: T,
+    /// Length of a finest step, s.
+    pub(super) finest: T,
+    /// Finest steps in a sample.
+    pub(super) units: u32,
+    /// Ladders, each with the key of its mode.
+    slots: [(Option<u16>, L); SLOTS],
+    /// Place of the next ladder that is made, and of the one in use.
+    next: usize,
+    slot: usize,
+    /// Number of the mode in use.
+    mode: Option<u32>,
+    /// Is a force from outside ever not zero?
+    pub(super) has_force: bool,
+    /// What it adds to the rates of the state, for each N.
+    force: [T; N],
+    /// What does not depend on the state in the mode in use, for each rung.
+    pub(super) terms: [Terms<T, N>; RUNGS],
+}
+
+impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const SLOTS: usize>
+    Cache<T, L, N, RUNGS, SLOTS>
+{
+    /// A cache that holds nothing.
+    pub(super) const fn new() -> Self {
+        Self {
+            sample_period: T::ZERO,
+            sample_rate: T::ZERO,
+            finest: T::ZERO,
+            units: 0,
+            slots: [const { (None, L::EMPTY) }; SLOTS],
+            next: 0,
+            slot: 0,
+            mode: None,
+            has_force: false,
+            force: [T::ZERO; N],
+            terms: [Terms { constant: [T::ZERO; N], error: [T::ZERO; N] }; RUNGS],
+        }
+    }
+
+    /// Gets ready for a run; see [`Stepper::begin`](super::Stepper::begin). A coarsest step is a number of finest ones.
+    pub(super) fn begin(
+        &mut self,
+        sample_period: T,
+        has_force: bool,
+        rig_changed: bool,
+        finest_per_coarsest: u32,
+    ) {
+        self.has_force = has_force;
+        if rig_changed || sample_period != self.sample_period {
+            let mut repeats: u32 = 1;
+            while repeats < 1024 && sample_period > T::literal(LONGEST_STEP) * T::from_count(repeats) {
+                repeats += 1;
+            }
+            self.units = finest_per_coarsest * repeats;
+            self.finest = sample_period / T::from_count(self.units);
+            self.sample_period = sample_period;
+            self.sample_rate = T::ONE / sample_period;
+            for (key, _) in &mut self.slots {
+                *key = None;
+            }
+        }
+        self.mode = None;
+    }
+
+    /// Enters the mode of a run; true if it is another one than before.
+    #[inline(always)]
+    pub(super) fn enter(&mut self, model: &Model<T>, run: &Run<T>) -> bool {
+        let is_other = self.mode != Some(run.mode_number);
+        if is_other {
+            self.prepare(model, &run.mode);
+            self.mode = Some(run.mode_number);
+        }
+        is_other
+    }
+
+    /// The force from outside at a rate, where there is one.
+    #[inline(always)]
+    pub(super) fn force(&self, rate: T) -> Option<Force<T, N>> {
+        self.has_force.then_some(Force { effect: self.force, rate })
+    }
+
+    /// The ladder of the mode that was entered last.
+    #[inline(always)]
+    pub(super) fn ladder(&self) -> Option<&L> {
+        self.slots.get(self.slot).map(|(_, ladder)| ladder)
+    }
+
+    fn holds(&self, slot: usize, key: u16) -> bool {
+        self.slots.get(slot).is_some_and(|(there, _)| *there == Some(key))
+    }
+
+    /// Finds or makes the ladder of a mode, and the constant terms of the mode on it.
+    #[cold]
+    fn prepare(&mut self, model: &Model<T>, mode: &Mode) {
+        let key = mode.key(model.has_directed_matrices());
+        if !self.holds(self.slot, key) {
+            self.slot = (0..SLOTS).find(|&slot| self.holds(slot, key)).unwrap_or_else(|| {
+                let slot = self.next;
+                self.next = (self.next + 1) % SLOTS;
+                if let Some((there, ladder)) = self.slots.get_mut(slot) {
+                    *there = Some(key);
+                    ladder.make(model, mode, self.finest);
+                }
+                slot
+            });
+        }
+        let none = State::default();
+        let rate = |input: Input<T>, one| model.affine_rate(mode, &none, &input, one).leading::<N>();
+        let constant = rate(Input::default(), T::ONE);
+        let error = rate(Input { command: T::ONE, ..Input::default() }, T::ZERO);
+        self.force = rate(Input { force: T::ONE, ..Input::default() }, T::ZERO);
+        if let Some((_, ladder)) = self.slots.get(self.slot) {
+            for (terms, rung) in self.terms.iter_mut().zip(ladder.rungs()) {
+                terms.constant = apply(&rung.constant, &constant);
+                terms.error = apply(&rung.constant, &error);
+            }
+        }
     }
 }
 
@@ -82,6 +246,7 @@ pub(super) struct Growth<T, const N: usize> {
 
 impl<T: Real, const N: usize> Growth<T, N> {
     /// A mode's matrices for a step, s, and those of rates that grow as a power of time (see [`Moments`]).
+    #[inline(never)]
     pub(super) fn new<const EXTRA: usize>(
         model: &Model<T>,
         mode: &Mode,
@@ -162,23 +327,18 @@ impl<T: Real, const N: usize> Growth<T, N> {
         apply(&self.ramp, rate)
     }
 
-    /// The step as a rung.
-    pub(super) fn rung(&self) -> Rung<T, N> {
+    /// Lays the step down as a rung.
+    #[inline(never)]
+    pub(super) fn lay(&self, rung: &mut Rung<T, N>) {
         let system = &self.system;
-        let mut command_rate = self.ramp_of(&system.command);
-        for (value, direct) in command_rate.iter_mut().zip(self.constant_of(&system.command_rate)) {
+        rung.command_rate = self.ramp_of(&system.command);
+        for (value, direct) in rung.command_rate.iter_mut().zip(self.constant_of(&system.command_rate)) {
             *value += direct;
         }
-        let mut transition = self.transition;
-        transition[RAM] = self.constant_of(&system.shift);
-        Rung {
-            transition,
-            constant: self.constant,
-            error: self.constant_of(&system.command),
-            command_rate,
-            force: self.constant_of(&system.force),
-            force_rate: self.ramp_of(&system.force),
-        }
+        rung.transition = self.transition;
+        rung.transition[RAM] = self.constant_of(&system.shift);
+        rung.constant = self.constant;
+        rung.force_rate = self.ramp_of(&system.force);
     }
 }
 
@@ -201,6 +361,7 @@ struct System<T, const N: usize> {
 }
 
 impl<T: Real, const N: usize> System<T, N> {
+    #[inline(never)]
     fn of(model: &Model<T>, mode: &Mode) -> Self {
         let rate = |state: &State<T>, input: Input<T>| {
             model.affine_rate(mode, state, &input, T::ZERO).leading::<N>()

@@ -4,7 +4,7 @@
 //! `MJ/(AJ^2 GPQ)` is 62 us, is taken by the implicit midpoint rule; with either fluid form that is a closed formula
 //! (see [`Fluid::metering_pressure`](crate::model::fluid::Fluid::metering_pressure)).
 
-use super::{Step, Stepper};
+use super::{Run, Step, Stepper};
 use crate::model::Model;
 use crate::model::state::{Input, Mode, State};
 use crate::scalar::Real;
@@ -59,7 +59,7 @@ impl<T: Real> Stepper<T> for Midpoint<T> {
         self.finest
     }
 
-    fn enter(&mut self, _: &Model<T>, _: &Mode) {}
+    fn enter(&mut self, _: &Model<T>, _: &Run<T>) {}
 
     #[inline]
     fn step(

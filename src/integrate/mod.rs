@@ -10,6 +10,7 @@ pub mod exact;
 mod ladder;
 pub mod midpoint;
 
+use crate::model::corridor::{Corridor, Passage, WATCHED, Watched};
 use crate::model::state::{FULL_ORDER, Input, InputSegment, Mode, State};
 use crate::model::{EXTRA_GUARDS, LOOP_GUARDS, Model};
 use crate::scalar::Real;
@@ -27,12 +28,23 @@ pub struct Run<T> {
     pub state: State<T>,
     /// Mode.
     pub mode: Mode,
+    /// Its number: whether it is the one that a stepper is in is asked at every sample.
+    mode_number: u32,
     /// Guards at the state, kept from the step before.
     guards: Guards<T>,
     /// A quarter of what each guard fell by in a finest step on the way here; zero after an event.
     fall: Guards<T>,
+    /// Are these two of the present place? Not where the last step kept to the corridor of its mode.
+    has_guards: bool,
+    /// What each watched quantity changed by on the way here, for a step of `stride` finest ones; zero after an event.
+    swing: Watched<T>,
+    stride: u32,
+    /// Has the place the margins that such a swing asks for?
+    has_margin: bool,
     /// Finest steps since the last event.
     calm: u32,
+    /// Has a step over the whole next sample been refused already?
+    is_refused: bool,
     /// Coarsest level of a step that the error of the last ones lets expect to be good.
     ceiling: usize,
     /// Mode changes so far.
@@ -42,13 +54,37 @@ pub struct Run<T> {
 }
 
 impl<T: Real> Run<T> {
+    /// What holds a run later: all zeros.
+    pub const IDLE: Self = Self {
+        state: State::from_array([T::ZERO; FULL_ORDER]),
+        mode: Mode::INTERIOR,
+        mode_number: 0,
+        guards: Guards::NONE,
+        fall: Guards::NONE,
+        has_guards: false,
+        swing: [T::ZERO; WATCHED],
+        stride: 0,
+        has_margin: false,
+        is_refused: false,
+        calm: 0,
+        ceiling: 0,
+        events: 0,
+        steps: 0,
+    };
+
     /// A run that starts from a state and mode.
     pub fn starting(model: &Model<T>, state: State<T>, mode: Mode, input: &Input<T>) -> Self {
         let mut run = Self {
             state,
             mode,
-            guards: Guards::default(),
-            fall: Guards::default(),
+            mode_number: mode.number(),
+            guards: Guards::NONE,
+            fall: Guards::NONE,
+            has_guards: true,
+            swing: [T::ZERO; WATCHED],
+            stride: 1,
+            has_margin: false,
+            is_refused: false,
             calm: u32::MAX,
             ceiling: usize::MAX,
             events: 0,
@@ -58,20 +94,51 @@ impl<T: Real> Run<T> {
         run
     }
 
+    /// Turns to steps of another length.
+    #[inline(never)]
+    fn change_stride(&mut self, size: u32, corridor: &Corridor<T>, watched: &Watched<T>) {
+        let ratio = T::from_count(size) / T::from_count(self.stride);
+        self.swing = self.swing.map(|value| value * ratio);
+        self.stride = size;
+        self.has_margin = corridor.has_margin(watched, &self.swing);
+    }
+
+    /// Makes up for the guards of steps that kept to a corridor.
+    fn catch_up(
+        &mut self,
+        model: &Model<T>,
+        corridor: Option<&Corridor<T>>,
+        segment: &InputSegment<T>,
+        elapsed: T,
+    ) {
+        let (input, time) = (segment.at(elapsed), segment.time + elapsed);
+        self.guards = Guards::at(model, &self.mode, &self.state, &input, time);
+        self.fall = Guards::NONE;
+        if let Some(corridor) = corridor {
+            let (state, input) = corridor.before(&self.state, &input, &self.swing);
+            let mut before = Guards::at(model, &self.mode, &state, &input, time);
+            let now = self.guards;
+            before.accept(&mut self.fall, &now, T::from_count(self.stride), false);
+        }
+        self.has_guards = true;
+    }
+
     /// A run that starts at rest at a ram position.
     pub fn at_rest(model: &Model<T>, ram: T, input: &Input<T>) -> Self {
         Self::starting(model, model.at_rest(ram), model.mode_at_rest(), input)
     }
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Guards<T> {
     plain: [T; LOOP_GUARDS],
     extra: [T; EXTRA_GUARDS],
 }
 
 impl<T: Real> Guards<T> {
-    #[inline(always)]
+    const NONE: Self = Self { plain: [T::ZERO; LOOP_GUARDS], extra: [T::ZERO; EXTRA_GUARDS] };
+
+    #[inline(never)]
     fn at(model: &Model<T>, mode: &Mode, state: &State<T>, input: &Input<T>, time: T) -> Self {
         let extra = if model.has_extra_guards() {
             model.extra_guards(mode, state, input, time)
@@ -183,6 +250,8 @@ pub trait Stepper<T: Real> {
     const TOP: usize;
     /// A step of level `l` is `2^(SHIFT l)` finest steps long.
     const SHIFT: u32;
+    /// Do its steps say how far they err? Otherwise they are exact, or of a fixed length.
+    const ESTIMATES: bool = false;
 
     /// Gets ready for a run: the sample period, s, whether a force input is ever not zero, and whether a parameter
     /// that reaches the dynamics has changed since the last run.
@@ -198,7 +267,27 @@ pub trait Stepper<T: Real> {
     fn unit(&self) -> T;
 
     /// The mode of a run has changed (or the run is new here).
-    fn enter(&mut self, model: &Model<T>, mode: &Mode);
+    fn enter(&mut self, model: &Model<T>, run: &Run<T>);
+
+    /// The corridor of the mode that was entered last; none: the guards themselves are looked at.
+    #[inline(always)]
+    fn corridor(&self) -> Option<&Corridor<T>> {
+        None
+    }
+
+    /// Takes a run over whole samples as long as each is one step that keeps to the corridor of the mode that was
+    /// entered last; returns their number. `command` is that at the start, `commands` gives that at the end of each
+    /// sample (none: enough), `see` is shown the state and the input there. The usual case, at half its price elsewhere.
+    #[inline(always)]
+    fn glide(
+        &self,
+        _run: &mut Run<T>,
+        _command: T,
+        _commands: impl FnMut(u32) -> Option<T>,
+        _see: impl FnMut(&State<T>, &Input<T>),
+    ) -> u32 {
+        0
+    }
 
     /// The state after a step of a level in the mode that was entered last.
     fn step(
@@ -225,22 +314,42 @@ pub fn advance<T: Real, S: Stepper<T>>(
     segment: &InputSegment<T>,
     mut observe: impl FnMut(T),
 ) {
-    stepper.enter(model, &run.mode);
+    if let Some(mut place) = start(stepper, model, run, segment) {
+        divide(stepper, model, run, segment, &mut place, u32::MAX, &mut observe);
+    } else {
+        observe(run.state.ground());
+    }
+}
+
+/// Takes a run over one sample in one step, the usual case; where that cannot be, the place to go on from.
+#[inline(always)]
+fn start<T: Real, S: Stepper<T>>(
+    stepper: &mut S,
+    model: &Model<T>,
+    run: &mut Run<T>,
+    segment: &InputSegment<T>,
+) -> Option<Place> {
+    stepper.enter(model, run);
     if model.guards_see_command_rate() {
         // The rate may have jumped with the sample.
         run.guards = Guards::at(model, &run.mode, &run.state, &segment.start, segment.time);
     }
-    // Straight code for the usual case, a sample in one step: in a loop the compiler would fetch all that the model
-    // is made of ahead of it.
-    let mut level = if run.calm < stepper.calm() { 0 } else { S::TOP.min(run.ceiling) };
-    if level == S::TOP && stepper.units() == size::<T, S>(S::TOP) {
-        if attempt(stepper, model, run, segment, 0, S::TOP) {
-            observe(run.state.ground());
-            return;
-        }
-        level = S::TOP.saturating_sub(1);
+    // Straight code, not the first round of a loop: there the compiler would fetch all that the model is made of ahead.
+    let level = if run.calm < stepper.calm() {
+        0
+    } else if S::ESTIMATES {
+        S::TOP.min(run.ceiling)
+    } else {
+        S::TOP
+    };
+    if level < S::TOP || stepper.units() != size::<T, S>(S::TOP) {
+        return Some(Place { position: 0, level });
     }
-    divide(stepper, model, run, segment, &mut Place { position: 0, level }, u32::MAX, &mut observe);
+    let is_refused = core::mem::replace(&mut run.is_refused, false);
+    if !is_refused && attempt(stepper, model, run, segment, 0, S::TOP) {
+        return None;
+    }
+    Some(Place { position: 0, level: S::TOP.saturating_sub(1) })
 }
 
 /// A place inside a sample.
@@ -273,22 +382,14 @@ pub fn advance_some<T: Real, S: Stepper<T>>(
         return false;
     }
     let last = run.steps.saturating_add(allowance - LONGEST_PIECE);
-    stepper.enter(model, &run.mode);
     let mut now = if let Some(now) = *place {
+        stepper.enter(model, run);
+        now
+    } else if let Some(now) = start(stepper, model, run, segment) {
         now
     } else {
-        if model.guards_see_command_rate() {
-            run.guards = Guards::at(model, &run.mode, &run.state, &segment.start, segment.time);
-        }
-        let mut level = if run.calm < stepper.calm() { 0 } else { S::TOP.min(run.ceiling) };
-        if level == S::TOP && stepper.units() == size::<T, S>(S::TOP) {
-            if attempt(stepper, model, run, segment, 0, S::TOP) {
-                observe(run.state.ground());
-                return true;
-            }
-            level = S::TOP.saturating_sub(1);
-        }
-        Place { position: 0, level }
+        observe(run.state.ground());
+        return true;
     };
     let done = divide(stepper, model, run, segment, &mut now, last, &mut observe);
     *place = if done { None } else { Some(now) };
@@ -301,7 +402,7 @@ const fn size<T: Real, S: Stepper<T>>(level: usize) -> u32 {
 }
 
 /// Takes a run a step further, unless that step must be refined. A finest step is refused only where it holds an event.
-#[inline(always)]
+#[inline(never)]
 fn attempt<T: Real, S: Stepper<T>>(
     stepper: &S,
     model: &Model<T>,
@@ -310,27 +411,86 @@ fn attempt<T: Real, S: Stepper<T>>(
     position: u32,
     level: usize,
 ) -> bool {
-    let unit = stepper.unit();
     let size = size::<T, S>(level);
-    let input = segment.at(unit * T::from_count(position));
+    let begin = stepper.unit() * T::from_count(position);
+    let input = if position == 0 { segment.start } else { segment.at(begin) };
     let Step { state, error } = stepper.step(model, &run.mode, &run.state, &input, segment.force_rate, level);
     run.steps += 1;
-    if level > 0 && error > T::ONE {
+    if S::ESTIMATES && level > 0 && error > T::ONE {
         run.ceiling = level - 1;
         return false;
     }
-    let end = unit * T::from_count(position + size);
-    let guards = Guards::at(model, &run.mode, &state, &segment.at(end), segment.time + end);
-    let length = T::from_count(size);
+    let end = stepper.unit() * T::from_count(position + size);
+    // What only the guards need is made where they are looked at, not ahead of it.
+    let inspect = |run: &mut Run<T>, corridor| {
+        inspect(model, run, segment, &state.clone(), &Span { begin, end, size, level }, corridor)
+    };
+    if let Some(corridor) = stepper.corridor() {
+        let before = corridor.watched(&run.state, &input);
+        let after = corridor.watched(&state, &segment.at(end));
+        if size != run.stride {
+            run.change_stride(size, corridor, &before);
+        }
+        let change: Watched<T> = core::array::from_fn(|index| after[index] - before[index]);
+        let is_clear = run.has_margin && corridor.is_clear(&after, &change, &run.swing);
+        let passage = if is_clear { Passage::Clear } else { corridor.passage(&before, &after, &run.swing) };
+        if passage == Passage::Clear {
+            run.state.take_base(&state);
+            run.has_guards = false;
+        } else if passage == Passage::Left {
+            if level == 0 {
+                run.catch_up(model, None, segment, begin);
+            }
+            return false;
+        } else if !inspect(run, Some(corridor)) {
+            return false;
+        }
+        run.has_margin = is_clear || corridor.has_margin(&after, &change);
+        run.swing = change;
+    } else if !inspect(run, None) {
+        return false;
+    }
+    if stepper.calm() > 0 {
+        run.calm = run.calm.saturating_add(size);
+    }
+    if S::ESTIMATES {
+        run.ceiling = ceiling::<T, S>(level, error);
+    }
+    true
+}
+
+/// A step inside a sample.
+struct Span<T> {
+    /// Its ends, s after the start of the sample.
+    begin: T,
+    end: T,
+    /// Its length in finest steps.
+    size: u32,
+    level: usize,
+}
+
+/// Takes a run to the end of a step, unless the guards say that the step must be refined.
+#[inline(never)]
+fn inspect<T: Real>(
+    model: &Model<T>,
+    run: &mut Run<T>,
+    segment: &InputSegment<T>,
+    state: &State<T>,
+    span: &Span<T>,
+    corridor: Option<&Corridor<T>>,
+) -> bool {
+    if !run.has_guards {
+        run.catch_up(model, corridor, segment, span.begin);
+    }
+    let guards = Guards::at(model, &run.mode, state, &segment.at(span.end), segment.time + span.end);
+    let length = T::from_count(span.size);
     let has_extra = model.has_extra_guards();
     if !run.guards.all_clear(&run.fall, &guards, length, has_extra)
-        && run.guards.must_refine(&run.fall, &guards, length, level > 0)
+        && run.guards.must_refine(&run.fall, &guards, length, span.level > 0)
     {
         return false;
     }
-    run.calm = run.calm.saturating_add(size);
-    run.ceiling = ceiling::<T, S>(level, error);
-    run.state = state;
+    run.state = *state;
     run.guards.accept(&mut run.fall, &guards, length, has_extra);
     true
 }
@@ -388,6 +548,8 @@ fn divide<T: Real, S: Stepper<T>>(
 }
 
 /// Takes a run over one finest step that holds at least one event.
+///
+/// Its parts are functions of their own: otherwise the stack would hold one while a mode's matrices are made.
 #[cold]
 fn cross<T: Real, S: Stepper<T>>(
     stepper: &mut S,
@@ -397,42 +559,74 @@ fn cross<T: Real, S: Stepper<T>>(
     elapsed: T,
     observe: &mut impl FnMut(T),
 ) {
-    let unit = stepper.unit();
-    run.fall = Guards::default();
+    run.fall = Guards::NONE;
+    (run.swing, run.has_margin) = ([T::ZERO; WATCHED], false);
     let mut done = T::ZERO;
     for _ in 0..EVENTS_PER_STEP {
-        let input = segment.at(elapsed + unit * done);
-        let left = T::ONE - done;
-        let arc = Arc::ahead(stepper, model, run, &input, segment.force_rate);
-        let state = arc.at(left);
-        let end = elapsed + unit;
-        let guards = Guards::at(model, &run.mode, &state, &segment.at(end), segment.time + end);
-        let Some((index, guess)) = run.guards.first_crossing(&guards) else {
-            run.state = state;
-            run.guards = guards;
-            run.ceiling = ceiling::<T, S>(0, arc.error);
+        if !meet(stepper, model, run, segment, elapsed, &mut done, observe) {
             return;
-        };
-        // One secant step towards the crossing from the straight-line guess.
-        let at = |fraction: T| {
-            let done = done + left * fraction;
-            let state = arc.at(left * fraction);
-            (state, segment.at(elapsed + unit * done), elapsed + unit * done)
-        };
-        let (state, there, time) = at(guess);
-        let halfway = Guards::at(model, &run.mode, &state, &there, segment.time + time);
-        let fraction = run.guards.secant(&halfway, &guards, index, guess);
-        let (state, input, now) = at(fraction);
-        done += left * fraction;
-        run.state = state;
-        run.steps += 3;
-        run.events += 1;
-        observe(run.state.ground());
-        model.switch(index, &mut run.mode, &mut run.state, &input);
-        run.guards = Guards::at(model, &run.mode, &run.state, &input, segment.time + now);
-        stepper.enter(model, &run.mode);
+        }
+        stepper.enter(model, run);
     }
-    // Too many events in one step (a rig that chatters): finish it in the mode that it is in.
+    finish(stepper, model, run, segment, elapsed, done);
+}
+
+/// Takes a run to the next event within a finest step, of which a part is done, and through it; without one to the end
+/// of the step. True if there was one.
+#[inline(never)]
+fn meet<T: Real, S: Stepper<T>>(
+    stepper: &S,
+    model: &Model<T>,
+    run: &mut Run<T>,
+    segment: &InputSegment<T>,
+    elapsed: T,
+    done: &mut T,
+    observe: &mut impl FnMut(T),
+) -> bool {
+    let unit = stepper.unit();
+    let input = segment.at(elapsed + unit * *done);
+    let left = T::ONE - *done;
+    let arc = Arc::ahead(stepper, model, run, &input, segment.force_rate);
+    let state = arc.at(left);
+    let end = elapsed + unit;
+    let guards = Guards::at(model, &run.mode, &state, &segment.at(end), segment.time + end);
+    let Some((index, guess)) = run.guards.first_crossing(&guards) else {
+        run.state = state;
+        run.guards = guards;
+        run.ceiling = ceiling::<T, S>(0, arc.error);
+        return false;
+    };
+    // One secant step towards the crossing from the straight-line guess.
+    let at = |fraction: T| {
+        let elapsed = elapsed + unit * (*done + left * fraction);
+        (arc.at(left * fraction), segment.at(elapsed), segment.time + elapsed)
+    };
+    let (state, there, time) = at(guess);
+    let halfway = Guards::at(model, &run.mode, &state, &there, time);
+    let fraction = run.guards.secant(&halfway, &guards, index, guess);
+    let (state, input, now) = at(fraction);
+    *done += left * fraction;
+    run.state = state;
+    run.steps += 3;
+    run.events += 1;
+    observe(run.state.ground());
+    model.switch(index, &mut run.mode, &mut run.state, &input);
+    run.mode_number = run.mode.number();
+    run.guards = Guards::at(model, &run.mode, &run.state, &input, now);
+    true
+}
+
+/// Takes a run to the end of a finest step that holds too many events (a rig that chatters), in the mode that it is in.
+#[inline(never)]
+fn finish<T: Real, S: Stepper<T>>(
+    stepper: &S,
+    model: &Model<T>,
+    run: &mut Run<T>,
+    segment: &InputSegment<T>,
+    elapsed: T,
+    done: T,
+) {
+    let unit = stepper.unit();
     let input = segment.at(elapsed + unit * done);
     run.state = Arc::ahead(stepper, model, run, &input, segment.force_rate).at(T::ONE - done);
     let end = elapsed + unit;

@@ -1,9 +1,10 @@
 //! A monitor that lives behind a line.
 
 use super::frame::{Decoder, LONGEST, Received, encode};
-use super::message::{FAULTS, FromMonitor, ReportMessage, ToMonitor};
+use super::message::{FAULTS, FromMonitor, ReportMessage, Setup, ToMonitor};
 use crate::integrate::Stepper;
 use crate::monitor::Monitor;
+use crate::monitor::report::Report;
 use crate::monitor::sample::Sample;
 
 /// A monitor and its end of the line.
@@ -25,9 +26,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const POPULATION: usize> Station<S, 
         let Some(message) = self.decoder.take(byte) else { return true };
         match message {
             ToMonitor::Setup(setup) => {
-                let config = setup.config();
-                let is_ready = config.is_some_and(|config| self.monitor.configure(&config).is_ok());
-                self.steps_per_sample = setup.steps_per_sample.into();
+                let is_ready = self.set_up(&setup);
                 reply(&FromMonitor::Ready(is_ready), send);
             }
             ToMonitor::Samples(first, samples) => {
@@ -37,29 +36,47 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const POPULATION: usize> Station<S, 
                     tick = tick.wrapping_add(1);
                     let (_, report) = self.monitor.work(self.steps_per_sample);
                     if let Some(report) = report {
-                        reply(&FromMonitor::Report(ReportMessage::of(&report)), send);
+                        say(&report, send);
                     }
                 }
             }
             ToMonitor::Status => {
-                let Received { bytes, frames, damaged } = self.decoder.received();
-                let counters = self.monitor.counters();
-                let status = FromMonitor::Status {
-                    received: [bytes, frames, damaged],
-                    monitor: [counters.samples, counters.windows, counters.skipped],
-                    exclusions: counters.exclusions.fields().map(|&count| count),
-                };
-                reply(&status, send);
+                reply(&self.status(), send);
             }
             ToMonitor::End => return false,
         }
         true
     }
 
+    /// Configures the monitor; true if it can work with that. Not inlined: its stack is not needed later.
+    #[inline(never)]
+    fn set_up(&mut self, setup: &Setup) -> bool {
+        self.steps_per_sample = setup.steps_per_sample.into();
+        setup.config().is_some_and(|config| self.monitor.configure(&config).is_ok())
+    }
+
+    /// What has come and what came of it.
+    #[inline(never)]
+    fn status(&self) -> FromMonitor {
+        let Received { bytes, frames, damaged } = self.decoder.received();
+        let counters = self.monitor.counters();
+        FromMonitor::Status {
+            received: [bytes, frames, damaged],
+            monitor: [counters.samples, counters.windows, counters.skipped],
+            exclusions: counters.exclusions.fields().map(|&count| count),
+        }
+    }
+
     /// The monitor.
     pub const fn monitor(&self) -> &Monitor<S, SAMPLES, FAULTS, POPULATION> {
         &self.monitor
     }
+}
+
+/// Sends a report.
+#[inline(never)]
+fn say(report: &Report<FAULTS>, send: &mut impl FnMut(&[u8])) {
+    reply(&FromMonitor::Report(ReportMessage::of(report)), send);
 }
 
 /// Sends a message.

@@ -39,6 +39,12 @@ impl<T: Real> Controller<T> {
             - self.velocity * velocity
     }
 
+    /// The same of a controller that sees nothing but the position error, m.
+    #[inline(always)]
+    pub fn proportional_demand(&self, error: T) -> T {
+        self.proportional * error
+    }
+
     /// Rate of the demand, mA/s, from the rates of what it is made of.
     #[inline(always)]
     pub fn demand_rate(&self, input: &Input<T>, position: T, velocity: T, acceleration: T) -> T {
@@ -55,6 +61,16 @@ impl<T: Real> Controller<T> {
     /// Does the demand follow the rate of the command?
     pub fn sees_rates(&self) -> bool {
         self.derivative != T::ZERO
+    }
+
+    /// Does the demand follow nothing but the position error (and its integral)?
+    pub fn sees_position_only(&self) -> bool {
+        self.derivative == T::ZERO && self.velocity == T::ZERO
+    }
+
+    /// Position error at which a proportional controller reaches its limit, m.
+    pub fn error_at_limit(&self) -> T {
+        self.current_limit / self.proportional
     }
 
     /// Is the controller purely proportional, so that it needs no state?

@@ -37,7 +37,7 @@ const GROUND: usize = 14;
 /// How far a limit may be passed by rounding, relative to the limit.
 const LIMIT_TOLERANCE: f64 = 1e-5;
 /// Force on the spool that rounding may make up, N; it moves the spool by less than 0.3 nm a second.
-const SPOOL_FORCE_TOLERANCE: f64 = 1e-5;
+pub(super) const SPOOL_FORCE_TOLERANCE: f64 = 1e-5;
 
 fn sign_of<T: Real>(value: T) -> i8 {
     if value < T::ZERO { -1 } else { 1 }
@@ -90,6 +90,9 @@ impl<T: Real> Model<T> {
     /// Differential pressure, Pa, of whichever fluid form is in use.
     #[inline(always)]
     pub fn pressure(&self, mode: &Mode, z: &State<T>) -> T {
+        if self.is_plain {
+            return self.fluid.limited_pressure(mode.pressure, z.spool, z.ram_velocity, T::ONE);
+        }
         if self.fluid.is_linear() || self.fluid.is_compressible() || self.form.drive == Drive::Force {
             self.linear_pressure(&self.fluid_now(z), mode, z, T::ONE)
         } else {

@@ -111,6 +111,11 @@ impl<T: Real> Jack<T> {
         self.step_load != T::ZERO
     }
 
+    /// Does a load grow with the position?
+    pub fn has_spring(&self) -> bool {
+        self.spring != T::ZERO
+    }
+
     /// Does the mount give way, so that the base moves?
     #[inline(always)]
     pub fn is_mounted(&self) -> bool {

@@ -12,6 +12,7 @@
 //! parameters only.
 
 pub mod controller;
+pub mod corridor;
 pub(crate) mod curved;
 mod events;
 pub mod fluid;
@@ -88,6 +89,9 @@ pub struct Model<T> {
     parameters: Parameters<T>,
     /// Asked at every step, so found out once.
     has_extra_guards: bool,
+    guards_see_command_rate: bool,
+    /// The plain loop: the ram fed back in proportion, linear incompressible fluid, a spool whose opening is its position.
+    is_plain: bool,
     scales: Scales<T>,
     /// Controller.
     pub controller: Controller<T>,
@@ -111,6 +115,8 @@ impl<T: Real> Model<T> {
             form,
             parameters: *parameters,
             has_extra_guards: false,
+            guards_see_command_rate: pilot.hysteresis != T::ZERO || controller.sees_rates(),
+            is_plain: false,
             scales: Scales::of(form, &controller, &pilot, &spool, &fluid),
             controller,
             pilot,
@@ -118,6 +124,11 @@ impl<T: Real> Model<T> {
             fluid,
             jack: Jack::new(parameters),
         };
+        model.is_plain = model.order() == BASE_ORDER
+            && form.drive == Drive::Valve
+            && model.controller.sees_position_only()
+            && model.fluid.is_linear()
+            && !model.spool.has_sides();
         model.has_extra_guards =
             model.order() == FULL_ORDER || model.spool.has_sides() || model.jack.has_step_load();
         model
@@ -167,8 +178,8 @@ impl<T: Real> Model<T> {
 
     /// Do guards jump with the rate of the command?
     #[inline(always)]
-    pub fn guards_see_command_rate(&self) -> bool {
-        self.pilot.hysteresis != T::ZERO || self.controller.sees_rates()
+    pub const fn guards_see_command_rate(&self) -> bool {
+        self.guards_see_command_rate
     }
 
     /// The state of rest with the ram at a position, valve centred, every play in the middle of its gap.
@@ -212,6 +223,9 @@ impl<T: Real> Model<T> {
     /// Current before its limit, mA.
     #[inline(always)]
     pub fn demand(&self, mode: &Mode, z: &State<T>, input: &Input<T>) -> T {
+        if self.is_plain {
+            return self.controller.proportional_demand((input.command - z.ram) - z.ram_rest);
+        }
         let velocity = self.fed_back_rate(mode, z.ground_velocity());
         self.controller.demand(input, self.fed_back(z), velocity, z.integral)
     }

@@ -16,6 +16,8 @@ pub struct Lvdt<T> {
     lag: Option<[T; 4]>,
     /// Delay in sample periods.
     delay: T,
+    /// Does it remember anything: has it a lag or a delay?
+    has_memory: bool,
 }
 
 /// What the LVDT remembers.
@@ -36,6 +38,10 @@ impl<T: Real> LvdtState<T> {
 }
 
 impl<T: Real> Lvdt<T> {
+    /// What holds an LVDT later: all zeros.
+    pub const IDLE: Self =
+        Self { offset: T::ZERO, gain: T::ZERO, cubic: T::ZERO, lag: None, delay: T::ZERO, has_memory: false };
+
     /// The LVDT of a set of parameters, sampled with a period in s.
     pub fn new(p: &Parameters<T>, sample_period: T) -> Self {
         let lag = (p.sensor_lag > T::ZERO).then(|| {
@@ -49,18 +55,27 @@ impl<T: Real> Lvdt<T> {
             [a, b - a, T::ONE - b, curvature]
         });
         let longest = T::from_count(DELAY_LINE as u32 - 3);
+        let has_memory = lag.is_some() || p.sensor_delay > T::ZERO;
         Self {
             offset: p.sensor_offset,
             gain: T::ONE + p.sensor_gain,
             cubic: p.sensor_cubic,
             lag,
             delay: (p.sensor_delay / sample_period).smaller(longest),
+            has_memory,
         }
     }
 
     /// One sample of the LVDT.
-    #[inline]
+    #[inline(always)]
     pub fn sample(&self, state: &mut LvdtState<T>, position: T) -> T {
+        let seen = if self.has_memory { self.remembered(state, position) } else { position };
+        self.offset + self.gain * seen * (T::ONE + self.cubic * seen * seen)
+    }
+
+    /// The position behind lag and delay.
+    #[inline(never)]
+    fn remembered(&self, state: &mut LvdtState<T>, position: T) -> T {
         let mut seen = position;
         if let Some([a, b, c, d]) = self.lag {
             let bend = (seen - state.last) - (state.last - state.before);
@@ -72,7 +87,7 @@ impl<T: Real> Lvdt<T> {
         if self.delay > T::ZERO {
             seen = self.delayed(state, seen);
         }
-        self.offset + self.gain * seen * (T::ONE + self.cubic * seen * seen)
+        seen
     }
 
     /// The delayed value by a cubic through the four samples around it.

@@ -147,6 +147,16 @@ impl<T: Real> State<T> {
         next
     }
 
+    /// Takes over the entries of the base model.
+    #[inline(always)]
+    pub fn take_base(&mut self, next: &Self) {
+        self.flapper = next.flapper;
+        self.flapper_velocity = next.flapper_velocity;
+        (self.spool, self.spool_rest) = (next.spool, next.spool_rest);
+        (self.ram, self.ram_rest) = (next.ram, next.ram_rest);
+        self.ram_velocity = next.ram_velocity;
+    }
+
     /// What has been added to an earlier state.
     pub fn since(&self, earlier: &Self) -> Self {
         let (now, then) = (self.to_array(), earlier.to_array());
@@ -180,75 +190,71 @@ fn compensated<T: Real>(sum: T, rest: T, change: T) -> (T, T) {
     (next, due - (next - sum))
 }
 
-/// The active piece of each piecewise law.
-///
-/// `0` is the interior (unsaturated, in the gap of a play, stuck); `1` and `-1` the side that is active (saturated,
-/// in contact, sliding in that direction); `2` and `-2` an end stop.
-#[derive(Clone, Copy, Debug, Default, Eq)]
-pub struct Mode {
-    /// Current at its limit.
-    pub current: i8,
-    /// Flapper at its stop (first-order valve: spool at its rate limit).
-    pub flapper: i8,
-    /// First-stage pressure at its limit.
-    pub first_stage: i8,
-    /// Spool sliding, stuck (0) or at its stop.
-    pub spool: i8,
-    /// Net pressure at its limit.
-    pub pressure: i8,
-    /// Jack sliding, stuck (0) or at its stop.
-    pub jack: i8,
-    /// Spool outside its dead zone.
-    pub overlap: i8,
-    /// Integrated error at its limit.
-    pub integral: i8,
-    /// Contact of the torque motor's hysteresis.
-    pub hysteresis: i8,
-    /// Contact of the feedback spring's play.
-    pub feedback_play: i8,
-    /// Contact of the backlash where the user position is fed back.
-    pub user_play: i8,
-    /// The step load is on (1) or not yet (0).
-    pub step_load: i8,
-    /// Direction in which the ram moves over ground, where the mount gives way.
-    pub ground: i8,
+macro_rules! mode {
+    ($(#[$attribute:meta])* { $( $(#[$meaning:meta])* $field:ident, )* }) => {
+        $(#[$attribute])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+        pub struct Mode { $( $(#[$meaning])* pub $field: i8, )* }
+
+        impl Mode {
+            /// Every law in its interior.
+            pub const INTERIOR: Self = Self { $( $field: 0 ),* };
+            /// Number of laws.
+            pub const LAWS: usize = [$( stringify!($field) ),*].len();
+
+            /// The pieces of all laws.
+            #[inline(always)]
+            pub const fn to_array(&self) -> [i8; Self::LAWS] {
+                [$( self.$field ),*]
+            }
+
+            /// The pieces of all laws, to be changed.
+            pub const fn fields_mut(&mut self) -> [&mut i8; Self::LAWS] {
+                [$( &mut self.$field ),*]
+            }
+        }
+    };
 }
 
-impl PartialEq for Mode {
-    /// By words: asked at every sample, and byte by byte it takes 50 instructions on a Cortex-M.
-    #[inline(always)]
-    fn eq(&self, other: &Self) -> bool {
-        let [a, b, c, d] = self.words();
-        let [e, f, g, h] = other.words();
-        (a ^ e) | (b ^ f) | (c ^ g) | (d ^ h) == 0
+mode! {
+    /// The active piece of each piecewise law.
+    ///
+    /// `0` is the interior (unsaturated, in the gap of a play, stuck); `1` and `-1` the side that is active (saturated,
+    /// in contact, sliding in that direction); `2` and `-2` an end stop.
+    {
+        /// Current at its limit.
+        current,
+        /// Flapper at its stop (first-order valve: spool at its rate limit).
+        flapper,
+        /// First-stage pressure at its limit.
+        first_stage,
+        /// Spool sliding, stuck (0) or at its stop.
+        spool,
+        /// Net pressure at its limit.
+        pressure,
+        /// Jack sliding, stuck (0) or at its stop.
+        jack,
+        /// Spool outside its dead zone.
+        overlap,
+        /// Integrated error at its limit.
+        integral,
+        /// Contact of the torque motor's hysteresis.
+        hysteresis,
+        /// Contact of the feedback spring's play.
+        feedback_play,
+        /// Contact of the backlash where the user position is fed back.
+        user_play,
+        /// The step load is on (1) or not yet (0).
+        step_load,
+        /// Direction in which the ram moves over ground, where the mount gives way.
+        ground,
     }
 }
 
 impl Mode {
-    /// Every field, four to a word.
-    #[inline(always)]
-    const fn words(&self) -> [u32; 4] {
-        let Self {
-            current,
-            flapper,
-            first_stage,
-            spool,
-            pressure,
-            jack,
-            overlap,
-            integral,
-            hysteresis,
-            feedback_play,
-            user_play,
-            step_load,
-            ground,
-        } = *self;
-        [
-            word([current, flapper, first_stage, spool]),
-            word([pressure, jack, overlap, integral]),
-            word([hysteresis, feedback_play, user_play, step_load]),
-            word([ground, 0, 0, 0]),
-        ]
+    /// A number for each mode: its laws, with two added to each, as digits to the base of five.
+    pub fn number(&self) -> u32 {
+        self.to_array().iter().fold(0, |number, &law| 5 * number + (law as u32).wrapping_add(2))
     }
 
     /// Identifies the transition matrices of this mode: modes that differ in a direction only share them, unless
@@ -282,12 +288,6 @@ impl Mode {
     pub const fn jack_slides(&self) -> bool {
         self.jack == 1 || self.jack == -1
     }
-}
-
-/// Four bytes as a word.
-#[inline(always)]
-const fn word([a, b, c, d]: [i8; 4]) -> u32 {
-    u32::from_le_bytes([a as u8, b as u8, c as u8, d as u8])
 }
 
 /// The sign of a mode as a scalar: -1, 0 or 1.

@@ -4,6 +4,7 @@
 
 use super::config::Config;
 use super::pass::{Pass, Path, Scene, Start};
+use super::slot::Slot;
 use super::sums::Sums;
 use crate::fit::gauss_newton::Normal;
 use crate::fit::identify::within_noise;
@@ -23,27 +24,32 @@ const EVALUATIONS: u32 = 60;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found<const GENES: usize> {
     pub(super) genes: [f32; GENES],
-    pub(super) normal: Normal<f32, GENES>,
     pub(super) sums: Sums<GENES>,
     pub(super) path: Path,
     pub(super) end: Start,
 }
 
 impl<const GENES: usize> Found<GENES> {
+    /// Chi-square about the means of the channels.
+    fn chi_square(&self) -> f32 {
+        self.sums.misfit().chi_square
+    }
+
     /// Standard error of each gene that the equations predict; infinite where nothing is known.
     pub(super) fn standard_errors(&self) -> [f32; GENES] {
         let mut errors = [f32::INFINITY; GENES];
         // A gene that nothing depends on has no part in the matrix.
-        let mut normal = self.normal;
+        let known = self.sums.normal();
+        let mut normal = known;
         for gene in 0..GENES {
             if normal.curvature[(gene, gene)] <= 0.0 {
                 normal.curvature[(gene, gene)] = 1.0;
             }
         }
-        if let Some(known) = normal.standard_errors() {
+        if let Some(standard) = normal.standard_errors() {
             for gene in 0..GENES {
-                if self.normal.curvature[(gene, gene)] > 0.0 && known[gene].is_finite() {
-                    errors[gene] = known[gene];
+                if known.curvature[(gene, gene)] > 0.0 && standard[gene].is_finite() {
+                    errors[gene] = standard[gene];
                 }
             }
         }
@@ -57,12 +63,12 @@ impl<const GENES: usize> Found<GENES> {
 
     /// Is the residual noise?
     pub(super) fn is_explained(&self) -> bool {
-        within_noise(&self.normal.misfit)
+        within_noise(&self.sums.misfit())
     }
 
     /// The normal equations without the genes that the window says too little of to move them.
     fn without_quiet_genes(&self, config: &Config<GENES>) -> Normal<f32, GENES> {
-        let mut normal = self.normal;
+        let mut normal = self.sums.normal();
         for gene in 0..GENES {
             let resolution = resolution(config, gene);
             if normal.curvature[(gene, gene)] * resolution * resolution < 1.0 {
@@ -101,10 +107,10 @@ enum Phase {
 pub(super) struct Analysis<const GENES: usize, const POPULATION: usize> {
     phase: Phase,
     pass: Pass<GENES>,
-    here: Option<Found<GENES>>,
+    here: Slot<Found<GENES>>,
     /// Bottom of the first descent: genes and chi-square.
     first: Option<([f32; GENES], f32)>,
-    search: Option<SteadyState<f32, GENES, POPULATION>>,
+    search: Slot<SteadyState<f32, GENES, POPULATION>>,
     steps_down: u32,
     halvings: u32,
     /// Evaluations of the model so far.
@@ -115,25 +121,34 @@ pub(super) struct Analysis<const GENES: usize, const POPULATION: usize> {
 }
 
 impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
-    /// The start of the analysis of a window at a guess.
-    #[inline(always)]
-    pub(super) fn new<const SAMPLES: usize>(
+    /// An analysis that has not [begun](Self::begin): all zeros.
+    pub(super) const IDLE: Self = Self {
+        phase: Phase::Descent,
+        pass: Pass::IDLE,
+        here: Slot::Empty,
+        first: None,
+        search: Slot::Empty,
+        steps_down: 0,
+        halvings: 0,
+        evaluations: 0,
+        steps: 0,
+        seed: 0,
+    };
+
+    /// Begins the analysis of a window at a guess, in place: it is too large for the stack.
+    pub(super) fn begin<const SAMPLES: usize>(
+        &mut self,
         scene: &Scene<'_, GENES, SAMPLES>,
         guess: &[f32; GENES],
         seed: u64,
-    ) -> Self {
-        Self {
-            phase: Phase::Descent,
-            pass: Pass::new(scene, guess, true),
-            here: None,
-            first: None,
-            search: None,
-            steps_down: 0,
-            halvings: 0,
-            evaluations: 0,
-            steps: 0,
-            seed,
-        }
+    ) {
+        self.phase = Phase::Descent;
+        self.here = Slot::Empty;
+        self.first = None;
+        self.search = Slot::Empty;
+        (self.steps_down, self.halvings, self.evaluations, self.steps) = (0, 0, 0, 0);
+        self.seed = seed;
+        self.pass.restart(scene, guess, true);
     }
 
     /// Goes on by at most `allowance` steps, and takes what it has used off it. True at the end.
@@ -169,7 +184,7 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
             Phase::Score(index) => {
                 let cost = self.pass.sums().misfit().mean_square();
                 let genes = self.pass.genes;
-                if let Some(search) = &mut self.search {
+                if let Some(search) = self.search.get_mut() {
                     search.insert(&genes, cost);
                 }
                 match seeds.and_then(|seeds| seeds.get(index + 1)) {
@@ -181,12 +196,12 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
                 }
             }
             Phase::Return => {
-                self.here = Some(self.there(scene));
+                self.here = Slot::Full(self.there(scene));
                 None
             }
             Phase::Breed(children) => {
                 let cost = self.pass.sums().misfit().mean_square();
-                if let Some(search) = &mut self.search {
+                if let Some(search) = self.search.get_mut() {
                     search.tell(cost);
                 }
                 self.breed(children + 1)
@@ -197,25 +212,19 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
     /// Where the pass that has ended was.
     fn there<const SAMPLES: usize>(&self, scene: &Scene<'_, GENES, SAMPLES>) -> Found<GENES> {
         let sums = *self.pass.sums();
-        Found {
-            genes: self.pass.genes,
-            normal: sums.normal(),
-            sums,
-            path: *self.pass.path(),
-            end: self.pass.end(scene),
-        }
+        Found { genes: self.pass.genes, sums, path: *self.pass.path(), end: self.pass.end(scene) }
     }
 
     /// The next place of a descent; none at its bottom.
     fn descend<const SAMPLES: usize>(&mut self, scene: &Scene<'_, GENES, SAMPLES>) -> Option<[f32; GENES]> {
         let there = self.there(scene);
         match &mut self.here {
-            Some(here) if !is_less(there.normal.misfit.chi_square, here.normal.misfit.chi_square) => {
+            Slot::Full(here) if !is_less(there.chi_square(), here.chi_square()) => {
                 self.halvings += 1;
                 let halfway = core::array::from_fn(|gene| 0.5 * (here.genes[gene] + there.genes[gene]));
                 return (self.halvings <= HALVINGS).then_some(halfway);
             }
-            here => *here = Some(there),
+            here => *here = Slot::Full(there),
         }
         self.halvings = 0;
         self.steps_down += 1;
@@ -225,19 +234,19 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
         let normal = there.without_quiet_genes(scene.config);
         let (genes, promised) = normal.foreseen(&there.genes, GENES)?;
         // Also where the promise is no number.
-        (there.normal.misfit.chi_square - promised > TOLERANCE).then_some(genes)
+        (there.chi_square() - promised > TOLERANCE).then_some(genes)
     }
 
     /// What follows the bottom of a descent: the end, or a search for a better basin.
     fn conclude(&mut self, seeds: Option<&[[f32; GENES]; POPULATION]>) -> Option<([f32; GENES], bool)> {
-        let here = self.here?;
-        let chi_square = here.normal.misfit.chi_square;
+        let here = self.here.get()?;
+        let chi_square = here.chi_square();
         let settled = self.first.is_some_and(|(_, first)| first - chi_square <= (1e-3 * first).max(1.0));
         if let Some((genes, first)) = self.first
             && first < chi_square
         {
             self.phase = Phase::Return;
-            self.here = None;
+            self.here = Slot::Empty;
             return Some((genes, true));
         }
         let says_nothing = here.path.reversals == 0;
@@ -247,8 +256,8 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
         self.first = Some((here.genes, chi_square));
         let mut search =
             SteadyState::new(Settings { population: POPULATION, ..Settings::default() }, GENES, self.seed);
-        search.insert(&here.genes, here.normal.misfit.mean_square());
-        self.search = Some(search);
+        search.insert(&here.genes, here.sums.misfit().mean_square());
+        self.search = Slot::Full(search);
         if let Some(&genes) = seeds.and_then(|seeds| seeds.first()) {
             self.phase = Phase::Score(0);
             Some((genes, false))
@@ -259,21 +268,21 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
 
     /// The next child, or after a generation the descent from the best.
     fn breed(&mut self, children: usize) -> Option<([f32; GENES], bool)> {
-        let search = self.search.as_mut()?;
+        let search = self.search.get_mut()?;
         if children < POPULATION {
             self.phase = Phase::Breed(children);
             return Some((search.ask(), false));
         }
         let (&best, _) = search.best()?;
         self.phase = Phase::Descent;
-        self.here = None;
+        self.here = Slot::Empty;
         (self.steps_down, self.halvings) = (0, 0);
         Some((best, true))
     }
 
     /// The best place found.
     pub(super) const fn found(&self) -> Option<&Found<GENES>> {
-        self.here.as_ref()
+        self.here.get()
     }
 
     /// Steps in all.
@@ -283,7 +292,7 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
 
     /// Puts the last population in `seeds`; false if there was none.
     pub(super) fn leave_seeds(&self, seeds: &mut [[f32; GENES]; POPULATION]) -> bool {
-        let Some(search) = &self.search else { return false };
+        let Some(search) = self.search.get() else { return false };
         for (seed, (genes, _)) in seeds.iter_mut().zip(search.members()) {
             *seed = *genes;
         }

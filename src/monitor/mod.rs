@@ -96,7 +96,9 @@ pub struct Monitor<S, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     number: u32,
     analysed: u32,
     is_analysing: bool,
-    analysis: Slot<Analysis<FAULTS, POPULATION>>,
+    /// Has the analysis begun?
+    has_analysis: bool,
+    analysis: Analysis<FAULTS, POPULATION>,
     /// Where the model starts in the window that is analysed.
     start: Slot<Start>,
     /// Where it has ended in the last one.
@@ -131,7 +133,8 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
             number: 0,
             analysed: 0,
             is_analysing: false,
-            analysis: Slot::Empty,
+            has_analysis: false,
+            analysis: Analysis::IDLE,
             start: Slot::Empty,
             carried: Slot::Empty,
             genes: [0.0; FAULTS],
@@ -150,6 +153,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     ///
     /// # Errors
     /// The configuration is not one that it can work with; it stays as it was.
+    #[inline(never)]
     pub fn configure(&mut self, config: &Config<FAULTS>) -> Result<(), ConfigError> {
         config.check()?;
         self.config = Slot::Full(*config);
@@ -162,7 +166,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         (self.number, self.analysed, self.latency) = (0, 0, 0);
         (self.skipped, self.samples, self.exclusions) = (0, 0, Exclusions::NONE);
         self.is_analysing = false;
-        self.analysis = Slot::Empty;
+        self.has_analysis = false;
         self.carried = Slot::Empty;
         self.start = Slot::Empty;
         // Nothing is known yet: the search starts at a healthy actuator.
@@ -209,6 +213,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     }
 
     /// Takes one sample, where there is no interrupt and no queue.
+    #[inline(never)]
     pub fn take(&mut self, sample: &Sample) {
         let Some(config) = self.config.get().copied() else { return };
         self.samples = self.samples.saturating_add(1);
@@ -225,6 +230,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     }
 
     /// Works on by at most `budget` steps of the model: the steps that it took, and what there is to say.
+    #[inline(never)]
     pub fn work(&mut self, budget: u32) -> (u32, Option<Report<FAULTS>>) {
         let mut allowance = budget;
         // One report at a time.
@@ -251,6 +257,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     }
 
     /// The window that fills is full.
+    #[inline(never)]
     fn rotate(&mut self, scale: Scale) {
         let number = self.number;
         self.number = number.wrapping_add(1);
@@ -284,10 +291,11 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         self.second_fills = !self.second_fills;
         self.filling().clear(true);
         self.is_analysing = true;
-        self.analysis = Slot::Empty;
+        self.has_analysis = false;
     }
 
     /// Goes on with the analysis.
+    #[inline(never)]
     fn analyse(&mut self, allowance: &mut u32) {
         let (Some(config), Some(start)) = (self.config.get(), self.start.get()) else { return };
         let scale = Scale::of(&config.parameters);
@@ -296,17 +304,24 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         let settle = settle_samples::<FAULTS, SAMPLES>(config);
         let scene = Scene { config, scale, window, start, settle };
         let seed = config.seed ^ u64::from(self.analysed);
-        if self.analysis.get().is_none() {
+        if !self.has_analysis {
             self.stepper.begin(config.sample_period, false, !self.has_begun);
             self.has_begun = true;
-            begin(&mut self.analysis, &scene, &self.genes, seed);
+            self.analysis.begin(&scene, &self.genes, seed);
+            self.has_analysis = true;
         }
-        let Some(analysis) = self.analysis.get_mut() else { return };
         let seeds = self.has_seeds.then_some(&self.seeds);
-        if !analysis.advance(&scene, seeds, &mut self.stepper, allowance) {
+        if !self.analysis.advance(&scene, seeds, &mut self.stepper, allowance) {
             return;
         }
+        self.close();
+    }
+
+    /// Ends the analysis. Not inlined: what it copies would lie on the stack below the whole simulation.
+    #[inline(never)]
+    fn close(&mut self) {
         self.is_analysing = false;
+        let analysis = &self.analysis;
         let (found, evaluations, steps) = (analysis.found().copied(), analysis.evaluations, analysis.steps());
         self.has_seeds |= analysis.leave_seeds(&mut self.seeds);
         if let Some(found) = found {
@@ -413,23 +428,12 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
 
     /// After a restore: what is not kept is made again.
     fn resume(&mut self) {
-        self.analysis = Slot::Empty;
+        self.has_analysis = false;
         self.has_begun = false;
         self.outbox = Slot::Empty;
         let window = self.filling();
         window.filled = window.filled.min(SAMPLES as u32 - 1);
     }
-}
-
-/// Begins an analysis where it will stay. Not inlined: its copy would lie on the stack below the whole simulation.
-#[inline(never)]
-fn begin<const SAMPLES: usize, const FAULTS: usize, const POPULATION: usize>(
-    place: &mut Slot<Analysis<FAULTS, POPULATION>>,
-    scene: &Scene<'_, FAULTS, SAMPLES>,
-    guess: &[f32; FAULTS],
-    seed: u64,
-) {
-    *place = Slot::Full(Analysis::new(scene, guess, seed));
 }
 
 /// Samples at the start of a window that are not compared.

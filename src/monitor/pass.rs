@@ -4,9 +4,10 @@
 //! alone (the backlash) needs no motion of its own: it taps the candidate's.
 
 use super::config::Config;
+use super::slot::Slot;
 use super::sums::{CHANNELS, Sums};
 use super::window::{Packed, Scale, Window};
-use crate::integrate::{Place, Run, Stepper, advance_some};
+use crate::integrate::{LONGEST_PIECE, Place, Run, Stepper, advance_some};
 use crate::model::Model;
 use crate::model::play::play;
 use crate::model::sensor::{Lvdt, LvdtState};
@@ -52,6 +53,9 @@ struct Tap {
 }
 
 impl Tap {
+    const IDLE: Self =
+        Self { half_backlash: 0.0, user: 0.0, lvdt: Lvdt::IDLE, seen: LvdtState::at_rest(0.0) };
+
     fn new(model: &Model<f32>, period: f32, user: f32) -> Self {
         Self {
             half_backlash: model.half_backlash(),
@@ -82,6 +86,7 @@ pub(super) struct Path {
 }
 
 impl Path {
+    const IDLE: Self = Self { reversals: 0, travel: 0.0, last: 0.0, extreme: 0.0, direction: 0 };
     /// A turn that is shorter than this is none, m.
     const LEAST: f32 = 2e-5;
 
@@ -117,13 +122,10 @@ pub(super) struct Pass<const GENES: usize> {
     /// Are the derivatives wanted?
     with_neighbours: bool,
     /// The model whose turn it is. It is made anew at every turn: three would take a kilobyte more.
-    model: Model<f32>,
+    model: Slot<Model<f32>>,
     base: Run<f32>,
     moved: [Run<f32>; GENES],
-    /// Has a neighbour a motion of its own?
-    is_own: [bool; GENES],
-    base_tap: Tap,
-    moved_taps: [Tap; GENES],
+    sight: Sight<GENES>,
     /// Whose turn it is: 0 the candidate's, then the neighbours'.
     turn: usize,
     /// First sample of the chunk.
@@ -131,9 +133,56 @@ pub(super) struct Pass<const GENES: usize> {
     /// Samples of the chunk that the motion whose turn it is has done.
     done: usize,
     place: Option<Place>,
-    predicted: [Predicted<GENES>; CHUNK],
     sums: Sums<GENES>,
+}
+
+/// What is seen of the motions of a chunk.
+#[derive(Clone, Debug)]
+struct Sight<const GENES: usize> {
+    /// Has a neighbour a motion of its own?
+    is_own: [bool; GENES],
+    base_tap: Tap,
+    moved_taps: [Tap; GENES],
+    predicted: [Predicted<GENES>; CHUNK],
     path: Path,
+}
+
+impl<const GENES: usize> Sight<GENES> {
+    /// The ram of the candidate (turn 0) or of a neighbour has come to a place where it may turn back, m.
+    #[inline(always)]
+    fn follow(&mut self, turn: usize, ram: f32) {
+        if turn == 0 {
+            self.base_tap.user = play(ram, self.base_tap.user, self.base_tap.half_backlash);
+        }
+        for (gene, tap) in self.moved_taps.iter_mut().enumerate() {
+            if is_tapped(&self.is_own, turn, gene) {
+                tap.user = play(ram, tap.user, tap.half_backlash);
+            }
+        }
+    }
+
+    /// A motion has come to a sample of the chunk, which is compared or not.
+    #[inline(always)]
+    fn look(&mut self, turn: usize, place: usize, ram: f32, current: f32, compared: bool) {
+        let Some(place) = self.predicted.get_mut(place) else { return };
+        let see = |tap: &mut Tap| [tap.lvdt.sample(&mut tap.seen, tap.user), current];
+        if turn == 0 {
+            self.path.look(ram, compared);
+            place.base = see(&mut self.base_tap);
+        }
+        for (gene, (tap, predicted)) in self.moved_taps.iter_mut().zip(&mut place.moved).enumerate() {
+            if is_tapped(&self.is_own, turn, gene) {
+                *predicted = see(tap);
+            }
+        }
+    }
+}
+
+/// Does the motion whose turn it is move what a gene's neighbour shows?
+#[inline(always)]
+fn is_tapped<const GENES: usize>(is_own: &[bool; GENES], turn: usize, gene: usize) -> bool {
+    let is_own = is_own.get(gene).copied().unwrap_or(true);
+    if turn == 0 { !is_own } else { turn == gene + 1 }
 }
 
 /// What a pass needs besides itself.
@@ -153,14 +202,18 @@ impl<const GENES: usize, const SAMPLES: usize> Scene<'_, GENES, SAMPLES> {
         Input { command: self.start.command.unwrap_or(first), command_rate: 0.0, force: 0.0 }
     }
 
-    /// The line of the command that leads to a sample; none where the motion starts there.
-    fn segment(&self, sample: usize) -> Option<InputSegment<f32>> {
-        let before = match sample.checked_sub(1) {
+    /// The command one sample before, m; none where the motion starts with the window.
+    fn command_before(&self, sample: usize) -> Option<f32> {
+        match sample.checked_sub(1) {
             Some(before) => Some(self.window.get(before).command(self.scale)),
             None => self.start.command,
-        };
+        }
+    }
+
+    /// The line of the command that leads to a sample; none where the motion starts there.
+    fn segment(&self, sample: usize) -> Option<InputSegment<f32>> {
         let here = self.window.get(sample).command(self.scale);
-        before.map(|before| {
+        self.command_before(sample).map(|before| {
             InputSegment::between([before, here], [0.0; 2], 0.0, 1.0 / self.config.sample_period)
         })
     }
@@ -175,51 +228,50 @@ impl<const GENES: usize, const SAMPLES: usize> Scene<'_, GENES, SAMPLES> {
     }
 }
 
+/// Genes of the candidate (turn 0) or of a neighbour.
+fn moved_genes<const GENES: usize>(genes: &[f32; GENES], widths: &[f32; GENES], turn: usize) -> [f32; GENES] {
+    core::array::from_fn(|gene| if turn == gene + 1 { genes[gene] + widths[gene] } else { genes[gene] })
+}
+
+/// The motion whose turn it is.
+fn turned<'a, const GENES: usize>(
+    base: &'a mut Run<f32>,
+    moved: &'a mut [Run<f32>; GENES],
+    turn: usize,
+) -> Option<&'a mut Run<f32>> {
+    match turn.checked_sub(1) {
+        None => Some(base),
+        Some(gene) => moved.get_mut(gene),
+    }
+}
+
 /// Widths of the differences; they point inwards at the upper bound.
 fn widths<const GENES: usize>(genes: &[f32; GENES]) -> [f32; GENES] {
     genes.map(|gene| if gene + DIFFERENCE > 1.0 { -DIFFERENCE } else { DIFFERENCE })
 }
 
 impl<const GENES: usize> Pass<GENES> {
-    /// The start of a walk of a candidate.
-    #[inline(always)]
-    pub(super) fn new<const SAMPLES: usize>(
-        scene: &Scene<'_, GENES, SAMPLES>,
-        genes: &[f32; GENES],
-        with_neighbours: bool,
-    ) -> Self {
-        let Scene { config, start, .. } = scene;
-        let model = config.model(genes);
-        let base = Run::starting(&model, start.state, start.mode, &scene.first_input());
-        let tap = Tap::new(&model, config.sample_period, start.user);
-        let mut pass = Self {
-            genes: *genes,
-            widths: widths(genes),
-            with_neighbours,
-            model,
-            base,
-            moved: [base; GENES],
+    /// A pass that goes nowhere before it is [restarted](Self::restart): all zeros.
+    pub(super) const IDLE: Self = Self {
+        genes: [0.0; GENES],
+        widths: [0.0; GENES],
+        with_neighbours: false,
+        model: Slot::Empty,
+        base: Run::IDLE,
+        moved: [Run::IDLE; GENES],
+        sight: Sight {
             is_own: [false; GENES],
-            base_tap: tap,
-            moved_taps: [tap; GENES],
-            turn: 0,
-            chunk: 0,
-            done: 0,
-            place: None,
+            base_tap: Tap::IDLE,
+            moved_taps: [Tap::IDLE; GENES],
             predicted: [Predicted { base: [0.0; CHANNELS], moved: [[0.0; CHANNELS]; GENES] }; CHUNK],
-            sums: Sums::NONE,
-            path: Path::start(start.state.ground()),
-        };
-        pass.restart(scene, genes, with_neighbours);
-        pass
-    }
-
-    /// Genes of the candidate (turn 0) or of a neighbour.
-    fn genes_of(&self, turn: usize) -> [f32; GENES] {
-        core::array::from_fn(|gene| {
-            if turn == gene + 1 { self.genes[gene] + self.widths[gene] } else { self.genes[gene] }
-        })
-    }
+            path: Path::IDLE,
+        },
+        turn: 0,
+        chunk: 0,
+        done: 0,
+        place: None,
+        sums: Sums::NONE,
+    };
 
     /// Goes on by at most `allowance` steps, and takes what it has used off it. True at the end of the window.
     pub(super) fn advance<S: Stepper<f32>, const SAMPLES: usize>(
@@ -231,14 +283,16 @@ impl<const GENES: usize> Pass<GENES> {
         while self.chunk < SAMPLES {
             let end = CHUNK.min(SAMPLES - self.chunk);
             while self.done < end {
-                if !self.walk(scene, stepper, allowance) {
+                self.enter(stepper);
+                self.glide(scene, stepper, end, allowance);
+                if self.done < end && !self.walk(scene, stepper, allowance) {
                     return false;
                 }
-                self.done += 1;
+                self.done = end.min(self.done + 1);
             }
             self.done = 0;
             let next = (self.turn..GENES)
-                .find(|&gene| self.with_neighbours && self.is_own.get(gene).copied().unwrap_or(false));
+                .find(|&gene| self.with_neighbours && self.sight.is_own.get(gene).copied().unwrap_or(false));
             if let Some(gene) = next {
                 self.turn = gene + 1;
             } else {
@@ -247,7 +301,7 @@ impl<const GENES: usize> Pass<GENES> {
                 self.chunk += CHUNK;
             }
             if self.with_neighbours {
-                self.model = scene.config.model(&self.genes_of(self.turn));
+                self.turn_to(scene.config);
             }
             // Another motion: its constant terms are others.
             stepper.begin(scene.config.sample_period, false, false);
@@ -255,7 +309,23 @@ impl<const GENES: usize> Pass<GENES> {
         true
     }
 
+    /// Enters the mode of the motion whose turn it is. Not inlined: what makes matrices has a stack of its own.
+    #[inline(never)]
+    fn enter<S: Stepper<f32>>(&mut self, stepper: &mut S) {
+        let run = turned(&mut self.base, &mut self.moved, self.turn);
+        if let (Some(run), Some(model)) = (run, self.model.get()) {
+            stepper.enter(model, run);
+        }
+    }
+
+    /// Makes the model of the motion whose turn it is.
+    #[inline(never)]
+    fn turn_to(&mut self, config: &Config<GENES>) {
+        self.model = Slot::Full(config.model(&moved_genes(&self.genes, &self.widths, self.turn)));
+    }
+
     /// Takes the motion whose turn it is to the next sample; false where the allowance ends before.
+    #[inline(never)]
     fn walk<S: Stepper<f32>, const SAMPLES: usize>(
         &mut self,
         scene: &Scene<'_, GENES, SAMPLES>,
@@ -263,52 +333,63 @@ impl<const GENES: usize> Pass<GENES> {
         allowance: &mut u32,
     ) -> bool {
         let sample = self.chunk + self.done;
-        let own = self.turn.checked_sub(1);
-        let Some(run) = own.map_or(Some(&mut self.base), |gene| self.moved.get_mut(gene)) else {
+        let (Some(run), Some(model)) = (turned(&mut self.base, &mut self.moved, self.turn), self.model.get())
+        else {
             return true;
         };
-        let (base_tap, moved_taps, is_own) = (&mut self.base_tap, &mut self.moved_taps, &self.is_own);
-        let shares = |gene: usize| own.is_none() && !is_own.get(gene).copied().unwrap_or(true);
+        let (turn, sight) = (self.turn, &mut self.sight);
         if let Some(segment) = scene.segment(sample) {
             let before = run.steps;
-            let done =
-                advance_some(stepper, &self.model, run, &segment, &mut self.place, *allowance, |ram| {
-                    for (gene, tap) in moved_taps.iter_mut().enumerate() {
-                        if own == Some(gene) || shares(gene) {
-                            tap.user = play(ram, tap.user, tap.half_backlash);
-                        }
-                    }
-                    if own.is_none() {
-                        base_tap.user = play(ram, base_tap.user, base_tap.half_backlash);
-                    }
-                });
+            let follow = |ram| sight.follow(turn, ram);
+            let done = advance_some(stepper, model, run, &segment, &mut self.place, *allowance, follow);
             *allowance = allowance.saturating_sub(run.steps.wrapping_sub(before));
             if !done {
                 return false;
             }
         }
-        let demand = self.model.demand(&run.mode, &run.state, &scene.input(sample));
-        let current = self.model.controller.current(run.mode.current, demand, 1.0);
-        if own.is_none() {
-            self.path.look(run.state.ground(), sample >= scene.settle);
-        }
-        let Some(place) = self.predicted.get_mut(self.done) else { return true };
-        let see = |tap: &mut Tap| [tap.lvdt.sample(&mut tap.seen, tap.user), current];
-        if own.is_none() {
-            place.base = see(base_tap);
-        }
-        for (gene, (tap, predicted)) in moved_taps.iter_mut().zip(&mut place.moved).enumerate() {
-            if own == Some(gene) || shares(gene) {
-                *predicted = see(tap);
-            }
-        }
+        let demand = model.demand(&run.mode, &run.state, &scene.input(sample));
+        let current = model.controller.current(run.mode.current, demand, 1.0);
+        sight.look(turn, self.done, run.state.ground(), current, sample >= scene.settle);
         true
     }
 
+    /// Takes the motion whose turn it is over the next samples of the chunk as long as nothing happens in them.
+    #[inline(never)]
+    fn glide<S: Stepper<f32>, const SAMPLES: usize>(
+        &mut self,
+        scene: &Scene<'_, GENES, SAMPLES>,
+        stepper: &mut S,
+        end: usize,
+        allowance: &mut u32,
+    ) {
+        let first = self.chunk + self.done;
+        let (Some(run), Some(model)) = (turned(&mut self.base, &mut self.moved, self.turn), self.model.get())
+        else {
+            return;
+        };
+        let (Some(before), None) = (scene.command_before(first), self.place) else { return };
+        let most = (end.saturating_sub(self.done) as u32).min(allowance.saturating_sub(LONGEST_PIECE - 1));
+        let (turn, mode, sight) = (self.turn, run.mode, &mut self.sight);
+        let (mut place, mut sample) = (self.done, first);
+        stepper.enter(model, run);
+        let command =
+            |done: u32| (done < most).then(|| scene.window.get(first + done as usize).command(scene.scale));
+        let done = stepper.glide(run, before, command, |state, input| {
+            let current = model.controller.current(mode.current, model.demand(&mode, state, input), 1.0);
+            sight.follow(turn, state.ground());
+            sight.look(turn, place, state.ground(), current, sample >= scene.settle);
+            place += 1;
+            sample += 1;
+        });
+        self.done = place;
+        *allowance -= done;
+    }
+
     /// Adds the residuals of a chunk to the sums.
+    #[inline(never)]
     fn gather<const SAMPLES: usize>(&mut self, scene: &Scene<'_, GENES, SAMPLES>, count: usize) {
         let noise = scene.config.believed_noise();
-        for (offset, predicted) in self.predicted.iter().enumerate().take(count) {
+        for (offset, predicted) in self.sight.predicted.iter().enumerate().take(count) {
             let sample = self.chunk + offset;
             if sample < scene.settle {
                 continue;
@@ -334,7 +415,7 @@ impl<const GENES: usize> Pass<GENES> {
 
     /// How the ram went.
     pub(super) const fn path(&self) -> &Path {
-        &self.path
+        &self.sight.path
     }
 
     /// Where the candidate's motion has ended, after the last sample of the window.
@@ -342,12 +423,12 @@ impl<const GENES: usize> Pass<GENES> {
         Start {
             state: self.base.state,
             mode: self.base.mode,
-            user: self.base_tap.user,
+            user: self.sight.base_tap.user,
             command: Some(scene.window.get(SAMPLES.saturating_sub(1)).command(scene.scale)),
         }
     }
 
-    /// Starts again with other genes. Not inlined: see [`Analysis`](super::analysis::Analysis).
+    /// Starts with genes. Not inlined: see [`Analysis`](super::analysis::Analysis).
     #[inline(never)]
     pub(super) fn restart<const SAMPLES: usize>(
         &mut self,
@@ -359,34 +440,40 @@ impl<const GENES: usize> Pass<GENES> {
         self.genes = *genes;
         self.widths = widths(genes);
         self.with_neighbours = with_neighbours;
-        self.model = config.model(genes);
+        self.model = Slot::Empty;
         let input = scene.first_input();
-        self.base = Run::starting(&self.model, start.state, start.mode, &input);
-        self.base_tap = Tap::new(&self.model, config.sample_period, start.user);
-        self.is_own = [false; GENES];
+        self.sight.is_own = [false; GENES];
         self.sums = Sums::NONE;
-        self.path = Path::start(start.state.ground());
+        self.sight.path = Path::start(start.state.ground());
         self.place = None;
         (self.turn, self.chunk, self.done) = (0, 0, 0);
-        for gene in 0..GENES {
-            if with_neighbours {
-                let model = config.model(&self.genes_of(gene + 1));
-                self.is_own[gene] =
-                    Model::<f32>::reach(config.form, config.faults[gene].free.parameter) != Reach::Output;
-                self.moved[gene] = Run::starting(&model, start.state, start.mode, &input);
-                self.moved_taps[gene] = Tap::new(&model, config.sample_period, start.user);
+        // The candidate last: its turn is the first.
+        for turn in (0..=GENES).rev() {
+            let (run, tap) = match turn.checked_sub(1) {
+                None => (&mut self.base, &mut self.sight.base_tap),
+                Some(gene) if with_neighbours => {
+                    let parameter = config.faults[gene].free.parameter;
+                    self.sight.is_own[gene] = Model::<f32>::reach(config.form, parameter) != Reach::Output;
+                    (&mut self.moved[gene], &mut self.sight.moved_taps[gene])
+                }
+                Some(_) => continue,
+            };
+            self.model = Slot::Full(config.model(&moved_genes(&self.genes, &self.widths, turn)));
+            if let Some(model) = self.model.get() {
+                *run = Run::starting(model, start.state, start.mode, &input);
+                *tap = Tap::new(model, config.sample_period, start.user);
             }
         }
     }
 
     /// Evaluations of the model that it is worth.
     pub(super) fn evaluations(&self) -> u32 {
-        1 + self.is_own.iter().filter(|&&is_own| is_own).count() as u32
+        1 + self.sight.is_own.iter().filter(|&&is_own| is_own).count() as u32
     }
 
     /// Steps that it has taken.
     pub(super) fn steps(&self) -> u32 {
-        let own = self.moved.iter().zip(self.is_own).filter(|(_, is_own)| *is_own);
+        let own = self.moved.iter().zip(self.sight.is_own).filter(|(_, is_own)| *is_own);
         own.fold(self.base.steps, |sum, (run, _)| sum.saturating_add(run.steps))
     }
 }

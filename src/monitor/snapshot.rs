@@ -11,7 +11,7 @@ use super::screen::{Exclusions, Screen, Screened, Still};
 use super::slot::Slot;
 use super::window::Window;
 use crate::integrate::Stepper;
-use crate::model::state::{Mode, State};
+use crate::model::state::State;
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 
 /// "EHAM".
@@ -146,36 +146,7 @@ fn start(archive: &mut impl Archive, start: &mut Start) {
         archive.float(value);
     }
     *state = State { ram_rest: rests[0], spool_rest: rests[1], ..State::from_array(values) };
-    let Mode {
-        current,
-        flapper,
-        first_stage,
-        spool,
-        pressure,
-        jack,
-        overlap,
-        integral,
-        hysteresis,
-        feedback_play,
-        user_play,
-        step_load,
-        ground,
-    } = mode;
-    for field in [
-        current,
-        flapper,
-        first_stage,
-        spool,
-        pressure,
-        jack,
-        overlap,
-        integral,
-        hysteresis,
-        feedback_play,
-        user_play,
-        step_load,
-        ground,
-    ] {
+    for field in mode.fields_mut() {
         archive.small(field);
     }
     archive.float(user);

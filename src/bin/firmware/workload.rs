@@ -42,8 +42,9 @@ const POPULATION: usize = 20;
 const SLOTS: usize = 8;
 /// Step of the high-fidelity equations, s, as in the source.
 const HF_STEP: f32 = 1e-5;
-/// A sample in the middle of a slide.
+/// Samples in the middle of a slide: the first of them, and how many.
 const QUIET_SAMPLE: usize = 150;
+const QUIET_SAMPLES: usize = 100;
 /// Seeds of the noise and of the search.
 const NOISE_SEED: u64 = 1;
 const SEARCH_SEED: u64 = 2;
@@ -72,7 +73,7 @@ pub(crate) fn run(platform: &mut impl Platform, memory: &mut Memory) {
     let hf = Model::new(Form::default(), &Parameters { metering_blend: 1.0, ..monitored });
 
     platform.measure("lf", "sampling", || samples.take(&lf, stepper, &command, PERIOD));
-    measure_quiet_sample(platform, &lf, &samples.record(&NOISE), stepper);
+    measure_quiet_samples(platform, &lf, &samples.record(&NOISE), stepper);
     samples.disturb(&NOISE, NOISE_SEED);
     measure_generation(platform, samples, stepper);
     identify(platform, "lf", samples, stepper);
@@ -88,8 +89,8 @@ pub(crate) fn run(platform: &mut impl Platform, memory: &mut Memory) {
     platform.result_f32("negative_control", "f64", double_precision());
 }
 
-/// Reports what one sample costs the monitor's model where nothing happens, and shows that nothing did.
-fn measure_quiet_sample(
+/// Reports what samples cost the monitor's model where nothing happens, and shows that nothing did.
+fn measure_quiet_samples(
     platform: &mut impl Platform,
     model: &Model<f32>,
     record: &Record<'_, f32>,
@@ -97,16 +98,15 @@ fn measure_quiet_sample(
 ) {
     stepper.begin(record.sample_period, false, false);
     let mut walk = Walk::new(model, record);
-    for _ in 0..QUIET_SAMPLE {
-        walk.next(record, stepper);
-    }
+    walk.lead_on(record, stepper, &mut [], QUIET_SAMPLE, |_, _, _| ());
     let (_, before) = walk.effort();
-    let predicted = platform.measure("lf", "quiet_sample", || walk.next(record, stepper));
+    let mut user = f32::NAN;
+    platform.measure("lf", "quiet_samples", || {
+        walk.lead_on(record, stepper, &mut [], QUIET_SAMPLES, |_, outputs, _| user = outputs.user);
+    });
     let (_, after) = walk.effort();
-    platform.result_count("lf", "quiet_sample_steps", u64::from(after - before));
-    if let Some((_, outputs)) = predicted {
-        platform.result_f32("lf", "quiet_sample_user_m", outputs.user);
-    }
+    platform.result_count("lf", "quiet_samples_steps", u64::from(after - before));
+    platform.result_f32("lf", "quiet_samples_user_m", user);
 }
 
 /// What is fitted to the samples.
