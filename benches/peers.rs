@@ -108,9 +108,7 @@ fn write(directory: &Path, name: &str, cases: &[Case]) -> std::io::Result<Vec<Pa
     let mut files = Vec::new();
     for (index, case) in cases.iter().enumerate() {
         let mut text = format!("{:e} {CURRENT_NOISE:e}\n", case.noise);
-        for ((command, user), current) in
-            case.command.iter().zip(&case.noisy.user).zip(&case.noisy.current)
-        {
+        for ((command, user), current) in case.command.iter().zip(&case.noisy.user).zip(&case.noisy.current) {
             let _ = writeln!(text, "{command:e} {user:e} {current:e}");
         }
         let file = directory.join(format!("{name}-{index}.txt"));

@@ -331,8 +331,7 @@ fn start<T: Real, S: Stepper<T>>(
 ) -> Option<Place> {
     stepper.enter(model, run);
     if model.guards_see_command_rate() {
-        // The rate may have jumped with the sample.
-        run.guards = Guards::at(model, &run.mode, &run.state, &segment.start, segment.time);
+        meet_rate(stepper, model, run, segment);
     }
     // Straight code, not the first round of a loop: there the compiler would fetch all that the model is made of ahead.
     let level = if run.calm < stepper.calm() {
@@ -350,6 +349,29 @@ fn start<T: Real, S: Stepper<T>>(
         return None;
     }
     Some(Place { position: 0, level: S::TOP.saturating_sub(1) })
+}
+
+/// The rate of the command may have jumped with the sample, and ended a mode on the spot.
+#[inline(never)]
+fn meet_rate<T: Real, S: Stepper<T>>(
+    stepper: &mut S,
+    model: &Model<T>,
+    run: &mut Run<T>,
+    segment: &InputSegment<T>,
+) {
+    let here = |run: &Run<T>| Guards::at(model, &run.mode, &run.state, &segment.start, segment.time);
+    let guards = here(run);
+    if let Some((index, _)) = run.guards.first_crossing(&guards) {
+        model.switch(index, &mut run.mode, &mut run.state, &segment.start);
+        run.mode_number = run.mode.number();
+        run.events += 1;
+        run.fall = Guards::NONE;
+        (run.swing, run.has_margin) = ([T::ZERO; WATCHED], false);
+        run.guards = here(run);
+        stepper.enter(model, run);
+    } else {
+        run.guards = guards;
+    }
 }
 
 /// A place inside a sample.
