@@ -227,7 +227,7 @@ mod tests {
         for current in [-1, 0, 1] {
             for spool in [-2, -1, 0, 1, 2] {
                 for (jack, pressure) in [(-1, -1), (-1, 0), (1, 1), (1, 0), (0, 0), (2, 0), (-2, 0)] {
-                    let mode = Mode { current, spool, jack, pressure, ..model.mode_at_rest() };
+                    let mode = Mode { current, spool, pressure, jack, ..model.mode_at_rest() };
                     let corridor = model.corridor(&mode).unwrap();
                     for _ in 0..2000 {
                         let (mut z, input) = place(&mut random, &mode, &p);
@@ -254,7 +254,7 @@ mod tests {
         let model = Model::new(Form::default(), &Parameters::<f64>::default());
         let mode = Mode { jack: 1, spool: 1, ..model.mode_at_rest() };
         let corridor = model.corridor(&mode).unwrap();
-        let z = State { flapper: 5e-5, ram_velocity: 0.01, spool: 5e-5, ..State::default() };
+        let z = State { flapper: 5e-5, spool: 5e-5, ram_velocity: 0.01, ..State::default() };
         let watched = corridor.watched(&z, &Input { command: 1e-4, ..Input::default() });
         let mut margins = [0.0; WATCHED];
         assert!(corridor.holds(&watched, &margins));
