@@ -154,9 +154,9 @@ pub const EFFECTS: &[EffectInfo] = &[
     entry(
         "shear-thinning",
         Port::Force,
-        "Ft v/(vt + abs(v))",
-        &[Parameter::ThinningForce, Parameter::ThinningVelocity],
-        &[100.0, 0.02],
+        "ct v/(1 + abs(v)/vt)",
+        &[Parameter::ThinningViscosity, Parameter::ThinningVelocity],
+        &[3000.0, 0.02],
     ),
     entry("quadratic-drag", Port::Force, "c2 v abs(v)", &[Parameter::QuadraticDrag], &[1e4]),
     entry("constant-load", Port::Force, "F", &[Parameter::ConstantLoad], &[100.0]),

@@ -147,8 +147,8 @@ parameters! {
     friction_asymmetry FrictionAsymmetry "a" "1" 0.0 [-0.9, 0.9] Constant "friction times 1 + a sgn(v)";
     stribeck_velocity StribeckVelocity "vs" "m/s" 0.0 [0.0, 1.0] Constant "velocity over which friction falls from breakaway to sliding";
     retraction_viscosity RetractionViscosity "cr" "N s/m" 0.0 [-1e6, 1e6] Dynamics "viscous friction that retraction has beyond CJ; the sum is not below 0";
-    thinning_force ThinningForce "Ft" "N" 0.0 [0.0, 1e5] Constant "viscous friction that grows no more at speed: what it tends to";
-    thinning_velocity ThinningVelocity "vt" "m/s" 0.02 [1e-4, 1.0] Constant "velocity at which it has half of that";
+    thinning_viscosity ThinningViscosity "ct" "N s/m" 0.0 [0.0, 1e6] Constant "viscous friction at low speed that shearing takes away";
+    thinning_velocity ThinningVelocity "vt" "m/s" 0.02 [1e-4, 1.0] Constant "velocity at which shearing has taken half of it";
     cogging_cosine CoggingCosine "Fc" "N" 0.0 [-1e5, 1e5] Constant "cogging: amplitude of the part that goes with the cosine";
     cogging_sine CoggingSine "Fs" "N" 0.0 [-1e5, 1e5] Constant "cogging: amplitude of the part that goes with the sine";
     cogging_pitch CoggingPitch "p" "m" 1e-2 [1e-5, 1.0] Constant "cogging: way after which it repeats";

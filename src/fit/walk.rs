@@ -3,8 +3,8 @@
 use super::problem::{Record, Start};
 use crate::integrate::{Run, Stepper};
 use crate::model::drive::{Lag, LawState};
-use crate::model::{Drive, Model};
 use crate::model::state::{Input, InputSegment, Outputs, State};
+use crate::model::{Drive, Model};
 use crate::scalar::Real;
 use crate::simulate::{Actuator, Follower, Motion};
 

@@ -54,9 +54,9 @@ impl<T: Real> Mount<T> {
 /// Viscous friction of a lubricant that thins as it is sheared (Cross's law of order one).
 #[derive(Clone, Copy, Debug)]
 struct Thinning<T> {
-    /// What it tends to, N.
-    force: T,
-    /// Where it has half of that, m/s.
+    /// At rest, N s/m.
+    viscosity: T,
+    /// Where half of it is left, m/s.
     velocity: T,
 }
 
@@ -64,8 +64,8 @@ impl<T: Real> Thinning<T> {
     /// Its magnitude at a speed, N, and the slope of that, N s/m.
     #[inline]
     fn of(&self, speed: T) -> (T, T) {
-        let share = T::ONE / (self.velocity + speed);
-        (self.force * speed * share, self.force * self.velocity * share * share)
+        let left = self.velocity / (self.velocity + speed);
+        (self.viscosity * left * speed, self.viscosity * left * left)
     }
 }
 
@@ -147,7 +147,7 @@ impl<T: Real> Jack<T> {
             breakaway_ratio: p.breakaway_ratio,
             asymmetry: p.friction_asymmetry,
             stribeck_velocity: p.stribeck_velocity,
-            thinning: Thinning { force: p.thinning_force, velocity: p.thinning_velocity },
+            thinning: Thinning { viscosity: p.thinning_viscosity, velocity: p.thinning_velocity },
             cogging: Cogging {
                 cosine: p.cogging_cosine,
                 sine: p.cogging_sine,
@@ -163,7 +163,7 @@ impl<T: Real> Jack<T> {
     pub fn is_affine(&self) -> bool {
         self.quadratic == T::ZERO
             && self.stribeck_velocity == T::ZERO
-            && self.thinning.force == T::ZERO
+            && self.thinning.viscosity == T::ZERO
             && !self.cogging.exists()
     }
 
@@ -311,7 +311,7 @@ impl<T: Real> Jack<T> {
             force += rest;
             slope += -direction * rest / self.stribeck_velocity;
         }
-        if self.thinning.force != T::ZERO {
+        if self.thinning.viscosity != T::ZERO {
             let (thinned, by_speed) = self.thinning.of(speed);
             force += -direction * thinned;
             slope += -by_speed;

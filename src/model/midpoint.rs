@@ -115,7 +115,8 @@ impl<T: Real> Model<T> {
             let passes = if self.jack.is_affine() { 1 } else { 2 };
             for _ in 0..passes {
                 let force = constant + self.jack.curved_force(middle.ram, velocity, direction).0;
-                let (line, compliance) = self.jack.midpoint_line(force, inertia, z.ram_velocity, direction, half);
+                let (line, compliance) =
+                    self.jack.midpoint_line(force, inertia, z.ram_velocity, direction, half);
                 let pressure = if self.form.drive == Drive::Force {
                     T::ZERO
                 } else if fluid.is_compressible() {

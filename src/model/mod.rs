@@ -145,9 +145,7 @@ impl<T: Real> Model<T> {
     /// Do transition matrices depend on directions, as those of a supply that sags with the speed of the ram, of a spool
     /// that opens more on one side, and of a jack that is damped more in one direction, do?
     pub fn has_directed_matrices(&self) -> bool {
-        self.parameters.supply_sag != T::ZERO
-            || self.spool.asymmetry != T::ZERO
-            || self.jack.has_sides()
+        self.parameters.supply_sag != T::ZERO || self.spool.asymmetry != T::ZERO || self.jack.has_sides()
     }
 
     /// Number of leading entries of the state that this model moves.

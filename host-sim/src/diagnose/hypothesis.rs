@@ -3,7 +3,7 @@
 use super::candidate::{self, Candidate, Prospect};
 use super::residual::{self, MEASURED, MODEL_ERROR};
 use super::{Case, RESIDUAL_LIMIT};
-use crate::fit::{self, Estimate, Fit, Polished};
+use crate::fit::{self, Estimate, Fit, Polished, Prepared};
 use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
@@ -23,6 +23,11 @@ const CONFOUNDED: f64 = 5.0;
 const CLASS_EVIDENCE: f64 = 9.2;
 /// Rise of the held-out records' chi-square that chance explains (two standard deviations of one parameter).
 const HOLDOUT_CHANCE: f64 = 4.0;
+/// Standard errors within which fitted and held-out records must agree on an effect, and by which it must differ from
+/// its absence in each, to be named although something else is left: a chance of 0.3 %.
+const REPRODUCED_SIGMA: f64 = 3.0;
+/// Twice the logarithm of the odds (10^50 to 1) against a candidate beside the best that no held-out record makes up for.
+const HOPELESS: f64 = 230.0;
 /// Standard errors, over blocks of the records, that a gain must have where what is left is not noise.
 const ROBUST_SIGMA: f64 = 2.0;
 
@@ -48,6 +53,8 @@ pub(super) struct Earned {
     pub(super) effect: &'static EffectInfo,
     /// Twice the logarithm of the odds against the model without it.
     pub(super) evidence: f64,
+    /// Do fitted and held-out records, each for itself, give it the same size?
+    pub(super) reproduces: bool,
     /// The model without it.
     without: Hypothesis,
 }
@@ -196,9 +203,12 @@ impl Hypothesis {
         let mut candidates = self.fit_promising(case);
         let Some(best) = candidates.first() else { return Vec::new() };
         let scale = best.fit.misfit.mean_square().max(1.0);
+        let best = best.fit.misfit.chi_square;
         let base = self.train.misfit.chi_square;
         candidates.retain(|candidate| {
-            (base - candidate.fit.misfit.chi_square) / scale > self.price(candidate.effect, scale)
+            let chi_square = candidate.fit.misfit.chi_square;
+            (base - chi_square) / scale > self.price(candidate.effect, scale)
+                && (chi_square - best) / scale < HOPELESS
         });
         self.with(case, candidates)
     }
@@ -235,7 +245,7 @@ impl Hypothesis {
                 .map(|effect| {
                     let without = self.without(case, effect, known);
                     let gain = (without.joint.misfit.chi_square - self.joint.misfit.chi_square) / scale;
-                    Earned { effect, evidence: gain - self.price(effect, scale), without }
+                    Earned { effect, evidence: gain - self.price(effect, scale), reproduces: false, without }
                 })
                 .collect();
             for new in earned.iter().map(|earned| &earned.without) {
@@ -249,7 +259,14 @@ impl Hypothesis {
                 .min_by(|a, b| a.evidence.total_cmp(&b.evidence));
             match weakest {
                 Some(weakest) => self = weakest.without.clone(),
-                None => return (self, earned),
+                None => {
+                    let reproduces = self.reproduces(case);
+                    let earned = earned
+                        .into_iter()
+                        .map(|earned| Earned { reproduces: reproduces(earned.effect), ..earned })
+                        .collect();
+                    return (self, earned);
+                }
             }
         }
     }
@@ -263,6 +280,44 @@ impl Hypothesis {
             && harm < HOLDOUT_CHANCE
             && self.matters_against(case, without)
             && (self.leaves_noise(case) || self.gains_everywhere(case, without))
+    }
+
+    /// Tells for an effect whether fitted and held-out records, each fitted for itself, say the same of it: each that
+    /// it is there, and both the same size, within errors that allow for a residual which is not noise.
+    fn reproduces(&self, case: &Case<'_>) -> impl Fn(&EffectInfo) -> bool + use<> {
+        let alone = |records: &[Prepared], start: &[f64]| {
+            if records.is_empty() {
+                return None;
+            }
+            let fit = fit::polish(&self.rig, &self.ranges, start, records, case.noise)?;
+            let predictions = fit::predict(&fit.applied(&self.rig, &self.ranges), records);
+            let inflation = super::inflation(case, records, &predictions, &fit.misfit);
+            Some((fit, inflation.sqrt()))
+        };
+        let fits = alone(case.train(), &self.train.values).zip(alone(case.holdout(), &self.joint.values));
+        let ranges = self.ranges.clone();
+        let absent = case.rig.parameters;
+        move |effect| {
+            let Some(((train, by), (holdout, held_by))) = &fits else { return false };
+            let of_effect =
+                || (0..ranges.len()).filter(|&index| effect.parameters.contains(&ranges[index].parameter));
+            let errors =
+                |index: usize| (train.standard_error(index) * by, holdout.standard_error(index) * held_by);
+            let agrees = |index: usize| {
+                let (error, held) = errors(index);
+                let apart = (train.values[index] - holdout.values[index]).abs();
+                apart <= REPRODUCED_SIGMA * error.hypot(held)
+            };
+            let is_there = |index: usize| {
+                let (error, held) = errors(index);
+                let size = |values: &[f64]| values[index] - absent.get(ranges[index].parameter);
+                let (here, there) = (size(&train.values), size(&holdout.values));
+                here * there > 0.0
+                    && here.abs() > REPRODUCED_SIGMA * error
+                    && there.abs() > REPRODUCED_SIGMA * held
+            };
+            of_effect().all(agrees) && of_effect().any(is_there)
+        }
     }
 
     /// Does it change a prediction by more than the model's own error, or move a fault by more than its error?

@@ -146,7 +146,18 @@ pub fn prepare(rig: &Rig, record: &Record, position_noise: f64) -> Prepared {
     };
     let measured = Channel::MEASURED.map(|channel| values(channel).unwrap_or_default());
     let drive = drive.unwrap_or_default();
-    Prepared { sample_period, command, force, measured, starts, stretch, settle, law, holds: rig.drive_holds, drive }
+    Prepared {
+        sample_period,
+        command,
+        force,
+        measured,
+        starts,
+        stretch,
+        settle,
+        law,
+        holds: rig.drive_holds,
+        drive,
+    }
 }
 
 /// Position and velocity at a sample, from a parabola through the samples around it.

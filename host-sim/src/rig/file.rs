@@ -297,8 +297,12 @@ mod tests {
             rig.effects = vec![&EFFECTS[0]];
             if built_in.name == "force-axis" {
                 rig.faults.clear();
-                rig.controller =
-                    Some(Law { position_gain: 160.18, velocity_gain: 243.45, limit: 10.0, force_gain: 35.15 });
+                rig.controller = Some(Law {
+                    position_gain: 160.18,
+                    velocity_gain: 243.45,
+                    limit: 10.0,
+                    force_gain: 35.15,
+                });
                 rig.drive_holds = true;
             }
             let text = write(&rig, &["a comment".to_owned()]);
