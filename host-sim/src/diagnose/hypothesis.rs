@@ -12,6 +12,8 @@ use rayon::prelude::*;
 
 /// Fall of chi-square that the linear model must foresee for an effect to be fitted: far below what is accepted.
 const PROMISING: f64 = 4.0;
+/// Part of a fall of chi-square that is wanted which the linear model must foresee.
+const FORESEEN: f64 = 0.1;
 /// Most effects that are approached by rough fits for a hypothesis in a round, the most promising first.
 const MOST_APPROACHED: usize = 10;
 /// Most of them that are fitted, to the fitted records and to all: more than look alike in the position alone, so that
@@ -158,15 +160,17 @@ impl Hypothesis {
     }
 
     /// Fits the effects that promise to lower chi-square, and those that are mixed up with a fault: the fault may be
-    /// far from the truth in place of the effect, and the linear model there says nothing. The best first.
-    fn fit_promising(&self, case: &Case<'_>) -> Vec<Candidate> {
+    /// far from the truth in place of the effect, and the linear model there says nothing. The best first. `wanted` is
+    /// the fall of chi-square that is of interest: where the linear model foresees a small part of it only, the fit will
+    /// not reach it.
+    fn fit_promising(&self, case: &Case<'_>, wanted: f64) -> Vec<Candidate> {
         let base = self.train.misfit.chi_square;
         let gain = |prospect: &Prospect| base - prospect.foreseen.misfit.chi_square;
         let (mut asked, mut promising): (Vec<Prospect>, Vec<Prospect>) = self
             .look(case)
             .into_iter()
             .partition(|prospect| self.confuses(case, prospect).any(|mixed| mixed));
-        promising.retain(|prospect| gain(prospect) > PROMISING);
+        promising.retain(|prospect| gain(prospect) > PROMISING.max(FORESEEN * wanted));
         promising.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
         promising.truncate(MOST_APPROACHED);
         promising.append(&mut asked);
@@ -200,7 +204,7 @@ impl Hypothesis {
 
     /// The hypotheses with one more effect that the fitted records ask for.
     pub(super) fn grow(&self, case: &Case<'_>) -> Vec<Self> {
-        let mut candidates = self.fit_promising(case);
+        let mut candidates = self.fit_promising(case, 0.0);
         let Some(best) = candidates.first() else { return Vec::new() };
         let scale = best.fit.misfit.mean_square().max(1.0);
         let best = best.fit.misfit.chi_square;
@@ -358,7 +362,8 @@ impl Hypothesis {
         let mine = |chi_square: f64, effect| chi_square / scale + self.price(effect, scale) + CLASS_EVIDENCE;
         let limit = mine(self.train.misfit.chi_square, earned.effect);
         let joint_limit = mine(self.joint.misfit.chi_square, earned.effect);
-        let mut others = earned.without.fit_promising(case);
+        let mut others =
+            earned.without.fit_promising(case, earned.without.train.misfit.chi_square - scale * limit);
         others.retain(|other| {
             other.effect.name != earned.effect.name
                 && other.fit.misfit.chi_square / scale + self.price(other.effect, scale) < limit

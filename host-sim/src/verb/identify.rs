@@ -130,7 +130,7 @@ pub(super) fn print(common: &Common, fitted: &Fitted) -> Result<(), Failure> {
     output::print(&output::residual_table(fit, &fitted.noise_source).to_string())?;
     output::print(&format!(
         "{} samples in {} records; {} evaluations, {} generations, {:.2} ms a generation, {:.3} s in all; {}; seed {}",
-        fitted.prepared.iter().map(crate::fit::Prepared::len).sum::<usize>(),
+        fitted.prepared.iter().map(fit::Prepared::len).sum::<usize>(),
         fitted.prepared.len(),
         fit.evaluations,
         fit.generations,
