@@ -14,6 +14,8 @@ pub enum Port {
     Fluid,
     /// A force on the ram.
     Force,
+    /// Between the drive that a record tells and the force on the ram.
+    Drive,
     /// What the LVDT makes of the position, outside the loop.
     Sensor,
 }
@@ -25,6 +27,7 @@ impl Port {
             Self::Valve => "valve",
             Self::Fluid => "fluid",
             Self::Force => "force",
+            Self::Drive => "drive",
             Self::Sensor => "sensor",
         }
     }
@@ -141,6 +144,20 @@ pub const EFFECTS: &[EffectInfo] = &[
         &[0.2],
     ),
     entry("viscous-friction", Port::Force, "CJ v", &[Parameter::ViscousFriction], &[1000.0]),
+    entry(
+        "viscous-asymmetry",
+        Port::Force,
+        "CJ v, and cr v besides where v < 0",
+        &[Parameter::RetractionViscosity],
+        &[300.0],
+    ),
+    entry(
+        "shear-thinning",
+        Port::Force,
+        "ct v/(1 + abs(v)/vt)",
+        &[Parameter::ThinningViscosity, Parameter::ThinningVelocity],
+        &[3000.0, 0.02],
+    ),
     entry("quadratic-drag", Port::Force, "c2 v abs(v)", &[Parameter::QuadraticDrag], &[1e4]),
     entry("constant-load", Port::Force, "F", &[Parameter::ConstantLoad], &[100.0]),
     entry("spring-load", Port::Force, "Kaer x", &[Parameter::SpringLoad], &[5e3]),
@@ -151,6 +168,13 @@ pub const EFFECTS: &[EffectInfo] = &[
         &[Parameter::StepLoad, Parameter::StepLoadTime],
         &[100.0, 0.1],
     ),
+    entry(
+        "cogging",
+        Port::Force,
+        "Fc cos(2 pi x/p) + Fs sin(2 pi x/p)",
+        &[Parameter::CoggingCosine, Parameter::CoggingSine, Parameter::CoggingPitch],
+        &[100.0, 100.0, 1e-3],
+    ),
     entry("load-mass", Port::Force, "MJ v'", &[Parameter::LoadMass], &[10.0]),
     entry(
         "mount-compliance",
@@ -159,6 +183,7 @@ pub const EFFECTS: &[EffectInfo] = &[
         &[Parameter::MountCompliance, Parameter::MountDamping],
         &[2e-8, 0.05],
     ),
+    entry("drive-lag", Port::Drive, "tau F' + F = drive", &[Parameter::DriveLag], &[5e-4]),
     entry("sensor-offset", Port::Sensor, "lvdt = x_user + o", &[Parameter::SensorOffset], &[1e-5]),
     entry("sensor-gain", Port::Sensor, "lvdt = (1 + g) x_user", &[Parameter::SensorGain], &[2e-3]),
     entry("sensor-lag", Port::Sensor, "tau lvdt' + lvdt = x_user", &[Parameter::SensorLag], &[1e-4]),

@@ -146,6 +146,13 @@ parameters! {
     breakaway_ratio BreakawayRatio "FSD" "1" 2.0 [1.0, 10.0] Constant "breakaway over sliding friction of the jack";
     friction_asymmetry FrictionAsymmetry "a" "1" 0.0 [-0.9, 0.9] Constant "friction times 1 + a sgn(v)";
     stribeck_velocity StribeckVelocity "vs" "m/s" 0.0 [0.0, 1.0] Constant "velocity over which friction falls from breakaway to sliding";
+    retraction_viscosity RetractionViscosity "cr" "N s/m" 0.0 [-1e6, 1e6] Dynamics "viscous friction that retraction has beyond CJ; the sum is not below 0";
+    thinning_viscosity ThinningViscosity "ct" "N s/m" 0.0 [0.0, 1e6] Constant "viscous friction at low speed that shearing takes away";
+    thinning_velocity ThinningVelocity "vt" "m/s" 0.02 [1e-4, 1.0] Constant "velocity at which shearing has taken half of it";
+    cogging_cosine CoggingCosine "Fc" "N" 0.0 [-1e5, 1e5] Constant "cogging: amplitude of the part that goes with the cosine";
+    cogging_sine CoggingSine "Fs" "N" 0.0 [-1e5, 1e5] Constant "cogging: amplitude of the part that goes with the sine";
+    cogging_pitch CoggingPitch "p" "m" 1e-2 [1e-5, 1.0] Constant "cogging: way after which it repeats";
+    drive_lag DriveLag "" "s" 0.0 [0.0, 0.1] Constant "first-order lag of the force behind the drive";
     quadratic_drag QuadraticDrag "c2" "N s^2/m^2" 0.0 [0.0, 1e7] Constant "drag c2 v abs(v)";
     constant_load ConstantLoad "F" "N" 0.0 [-1e5, 1e5] Constant "constant load against extension";
     spring_load SpringLoad "Kaer" "N/m" 0.0 [0.0, 1e7] Dynamics "aerodynamic stiffness";

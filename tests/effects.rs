@@ -40,12 +40,21 @@ const TABLE: &[Row] = &[
     ("stribeck", &[(P::StribeckVelocity, 5e-3)], 0.02, false),
     ("friction-asymmetry", &[(P::FrictionAsymmetry, 0.2)], 0.02, true),
     ("viscous-friction", &[(P::ViscousFriction, 5000.0)], 0.02, true),
+    ("viscous-asymmetry", &[(P::RetractionViscosity, 5000.0)], 0.02, true),
+    ("shear-thinning", &[(P::ThinningViscosity, 2e4), (P::ThinningVelocity, 0.02)], 0.02, false),
     ("quadratic-drag", &[(P::QuadraticDrag, 1e5)], 0.02, false),
     ("constant-load", &[(P::ConstantLoad, 500.0)], 0.02, true),
     ("spring-load", &[(P::SpringLoad, 2e4)], 0.02, true),
     ("step-load", &[(P::StepLoad, 500.0), (P::StepLoadTime, 0.1005)], 0.02, true),
+    (
+        "cogging",
+        &[(P::CoggingCosine, 150.0), (P::CoggingSine, -200.0), (P::CoggingPitch, 1.5e-3)],
+        0.02,
+        false,
+    ),
     ("load-mass", &[(P::LoadMass, 200.0)], 0.02, true),
     ("mount-compliance", &[(P::MountCompliance, 5e-8), (P::MountDamping, 0.1)], 0.02, true),
+    ("drive-lag", &[(P::DriveLag, 1e-3)], 0.02, true),
     ("sensor-offset", &[(P::SensorOffset, 1e-5)], 0.02, true),
     ("sensor-gain", &[(P::SensorGain, 0.01)], 0.02, true),
     ("sensor-lag", &[(P::SensorLag, 1e-3)], 0.35, true),
@@ -93,9 +102,10 @@ fn check_on(name: &str) {
                 let distance = core.distance(&rig.plant(&samples));
                 let size = core.distance(&without).user;
                 println!("{name:10} {effect:24} {valve:?} {feedback:?}: size {size:.2} um, {distance}");
-                // The first-order valve has no spool and no first stage.
-                let absent = valve == ValveForm::FirstOrder
-                    && ["feedback-play", "filter-clogging", "spool-friction"].contains(&effect);
+                // The first-order valve has no spool and no first stage; a valve drives without a recorded drive.
+                let absent = effect == "drive-lag"
+                    || valve == ValveForm::FirstOrder
+                        && ["feedback-play", "filter-clogging", "spool-friction"].contains(&effect);
                 assert!(
                     absent || size > 0.3,
                     "{effect} on {name}, {valve:?}, {feedback:?} is not visible: {size} um"
@@ -137,7 +147,16 @@ fn neutral_values_change_nothing() {
         assert_eq!(rig.core(&samples), expected, "{}", entry.name);
     }
     // What an absent effect is shaped by has no influence either.
-    for parameter in [P::MountDamping, P::BaseMass, P::StepLoadTime, P::VapourPressure, P::ReturnPressure] {
+    for parameter in [
+        P::MountDamping,
+        P::BaseMass,
+        P::StepLoadTime,
+        P::VapourPressure,
+        P::ReturnPressure,
+        P::ThinningVelocity,
+        P::CoggingPitch,
+        P::DriveLag,
+    ] {
         let rig = with_effect(base, &[(parameter, 0.5 * parameter.info().upper)]);
         assert_eq!(rig.core(&samples), expected, "{parameter:?}");
     }

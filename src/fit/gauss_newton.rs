@@ -104,7 +104,7 @@ where
     let shared = steppers.len() <= active;
     let dynamic = problem.moves_dynamics();
     for (index, record) in problem.records.iter().enumerate() {
-        let has_force = !record.force.is_empty();
+        let has_force = record.has_force();
         for stepper in steppers.iter_mut() {
             stepper.begin(record.sample_period, has_force, dynamic && (index == 0 || shared));
         }

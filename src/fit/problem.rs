@@ -3,6 +3,7 @@
 use super::walk::Walk;
 use crate::channel::Channel;
 use crate::integrate::Stepper;
+use crate::model::drive::Law;
 use crate::model::state::Outputs;
 use crate::model::{Form, Model};
 use crate::parameter::{Parameter, Parameters, Reach};
@@ -31,6 +32,10 @@ pub struct Record<'a, T> {
     pub command: &'a [T],
     /// Force on the ram from outside, N (driving force minus load); empty where there is none.
     pub force: &'a [T],
+    /// Does the force keep the value of a sample until the next one? If not it goes there in a straight line.
+    pub holds: bool,
+    /// The controller that drives a jack which a force moves; its force comes on top of `force`.
+    pub law: Option<Law<T>>,
     /// Measured channels in the order of [`Channel::MEASURED`]; empty where absent, NaN where a sample is missing.
     pub measured: [&'a [T]; MEASURED],
     /// Noise of the measured channels.
@@ -50,6 +55,8 @@ impl<'a, T: Real> Record<'a, T> {
             sample_period,
             command,
             force: &[],
+            holds: false,
+            law: None,
             measured: [&[]; MEASURED],
             noise: [T::ONE / T::ZERO; MEASURED],
             stretch: command.len().max(1),
@@ -67,6 +74,11 @@ impl<'a, T: Real> Record<'a, T> {
             self.noise[index] = noise;
         }
         self
+    }
+
+    /// Does any force act from outside?
+    pub fn has_force(&self) -> bool {
+        !self.force.is_empty() || self.law.is_some()
     }
 
     /// Is a sample compared with the model?
@@ -202,7 +214,7 @@ impl<T: Real> Problem<'_, T> {
         let mut misfit = Misfit { chi_square: T::ZERO, count: 0 };
         let mut rig_changed = self.moves_dynamics();
         for record in self.records {
-            stepper.begin(record.sample_period, !record.force.is_empty(), rig_changed);
+            stepper.begin(record.sample_period, record.has_force(), rig_changed);
             rig_changed = false;
             let mut walk = Walk::new(&model, record);
             let compared = record.compared();

@@ -2,8 +2,9 @@
 
 use super::problem::{Record, Start};
 use crate::integrate::{Run, Stepper};
-use crate::model::Model;
-use crate::model::state::{Input, InputSegment, Outputs};
+use crate::model::drive::{Lag, LawState};
+use crate::model::state::{Input, InputSegment, Outputs, State};
+use crate::model::{Drive, Model};
 use crate::scalar::Real;
 use crate::simulate::{Actuator, Follower, Motion};
 
@@ -20,6 +21,12 @@ pub struct Walk<T> {
     left: usize,
     /// Command at the last sample, m.
     command: T,
+    lag: Option<Lag<T>>,
+    /// The force that lags, at the last sample, N.
+    lagging: T,
+    law: LawState<T>,
+    /// What drives at the last sample, N.
+    drive: T,
 }
 
 impl<T: Real> Walk<T> {
@@ -27,8 +34,20 @@ impl<T: Real> Walk<T> {
     pub fn new(model: &Model<T>, record: &Record<'_, T>) -> Self {
         let actuator = Actuator::new(*model, record.sample_period);
         let motion = actuator.at_rest(T::ZERO, &Input::default());
-        let sample_rate = T::ONE / record.sample_period;
-        Self { actuator, motion, sample_rate, sample: 0, origin: T::ZERO, left: 0, command: T::ZERO }
+        let lags = model.form.drive == Drive::Force;
+        Self {
+            actuator,
+            motion,
+            sample_rate: T::ONE / record.sample_period,
+            sample: 0,
+            origin: T::ZERO,
+            left: 0,
+            command: T::ZERO,
+            lag: if lags { Lag::new(model.parameters().drive_lag, record.sample_period) } else { None },
+            lagging: T::ZERO,
+            law: LawState::coming(T::ZERO, T::ZERO, record.sample_period),
+            drive: T::ZERO,
+        }
     }
 
     /// Predicts the next sample: its index and what the channels show; none past the end.
@@ -51,28 +70,35 @@ impl<T: Real> Walk<T> {
     ) -> Option<(usize, Outputs<T>)> {
         let sample = self.sample;
         let command = *record.command.get(sample)?;
-        let force_at = |index: usize| record.force.get(index).copied().unwrap_or(T::ZERO);
+        let outer = record.force.get(sample).copied().unwrap_or(T::ZERO);
         let input;
         if self.left == 0 {
             let stretch = record.stretch.max(1);
-            input = Input { command, command_rate: T::ZERO, force: force_at(sample) };
             let start = record.starts.get(sample / stretch).copied().unwrap_or_default();
             self.origin = start.time - record.sample_period * T::from_count(sample as u32);
+            self.law = LawState::coming(start.ram, start.velocity, record.sample_period);
+            self.drive = outer + self.asked(record, command, &self.actuator.model.at_rest(start.ram));
+            self.lagging = self.drive;
+            input = Input { command, command_rate: T::ZERO, force: self.drive };
             self.motion = self.started(&start, &input);
             for follower in followers.iter_mut().flatten() {
                 follower.restart(self.motion.user);
             }
             self.left = stretch;
         } else {
-            let force = if record.force.is_empty() {
-                [T::ZERO; 2]
-            } else {
-                [force_at(sample.saturating_sub(1)), force_at(sample)]
-            };
+            let last = if record.holds || record.law.is_some() { self.drive } else { outer };
+            let drive = [self.drive, last];
+            let force = self.lag.map_or(drive, |lag| lag.follow(&mut self.lagging, drive));
             let time = self.origin + record.sample_period * T::from_count((sample as u32).saturating_sub(1));
             let segment = InputSegment::between([self.command, command], force, time, self.sample_rate);
             self.actuator.lead(stepper, &mut self.motion, &segment, followers);
-            input = Input { command, force: force[1], ..segment.start };
+            self.drive = outer;
+            if record.law.is_some() {
+                let state = self.motion.run.state;
+                self.drive = outer + self.asked(record, command, &state);
+            }
+            let force = if self.lag.is_some() { self.lagging } else { self.drive };
+            input = Input { command, force, ..segment.start };
         }
         self.command = command;
         self.left = self.left.saturating_sub(1);
@@ -95,7 +121,7 @@ impl<T: Real> Walk<T> {
         while self.sample < end {
             let first = self.sample;
             let ahead = record.command.get(first..end.min(first + self.left)).unwrap_or(&[]);
-            if !ahead.is_empty() && record.force.is_empty() {
+            if !ahead.is_empty() && record.force.is_empty() && record.law.is_none() {
                 let (actuator, motion) = (&self.actuator, &mut self.motion);
                 let done = actuator.glide(stepper, motion, self.command, ahead, |offset, ram, outputs| {
                     for follower in followers.iter_mut().flatten() {
@@ -113,6 +139,11 @@ impl<T: Real> Walk<T> {
             let Some((sample, outputs)) = self.lead(record, stepper, followers) else { return };
             show(sample, &outputs, followers);
         }
+    }
+
+    /// The force that a known controller asks for, N.
+    fn asked(&mut self, record: &Record<'_, T>, command: T, state: &State<T>) -> T {
+        record.law.map_or(T::ZERO, |law| self.law.ask(&law, command, state, self.sample_rate))
     }
 
     fn started(&self, start: &Start<T>, input: &Input<T>) -> Motion<T> {

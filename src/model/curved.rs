@@ -41,7 +41,7 @@ impl<T: Real> Model<T> {
             let (value, slope) = if self.jack.is_affine() {
                 (T::ZERO, T::ZERO)
             } else {
-                self.jack.curved_force(z.ram_velocity, side(mode.jack))
+                self.jack.curved_force(z.ram, z.ram_velocity, side(mode.jack))
             };
             curved.force = Term { value, slope };
             if has_fluid && !self.fluid.is_compressible() {

@@ -105,7 +105,7 @@ impl<T: Real> Model<T> {
     #[inline(always)]
     fn drive_at_rest(&self, mode: &Mode, z: &State<T>, input: &Input<T>) -> T {
         let pressure = self.pressure(mode, &State { ram_velocity: T::ZERO, ..*z });
-        self.jack.drive(pressure, z, input.force, mode.step_load != 0, T::ONE)
+        self.jack.drive(pressure, z, input.force, mode.step_load != 0, T::ONE) + self.jack.cogging(z.ram)
     }
 
     /// The guards of the plain loop.

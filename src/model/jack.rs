@@ -1,4 +1,4 @@
-//! The jack: `MJ v' = AJ P12 - CJ v - F_ext - Kaer x - friction`, with stick-slip and end stops.
+//! The jack: `MJ v' = AJ P12 - CJ v - F_ext - Kaer x - friction - cogging(x)`, with stick-slip and end stops.
 //!
 //! Where the mount gives way, `x` and `v` are those of the ram in its cylinder, and the cylinder's body is a mass on a
 //! spring and a damper that takes the reaction. Fluid and friction then drive the relative motion of two masses: the
@@ -51,6 +51,48 @@ impl<T: Real> Mount<T> {
     }
 }
 
+/// Viscous friction of a lubricant that thins as it is sheared (Cross's law of order one).
+#[derive(Clone, Copy, Debug)]
+struct Thinning<T> {
+    /// At rest, N s/m.
+    viscosity: T,
+    /// Where half of it is left, m/s.
+    velocity: T,
+}
+
+impl<T: Real> Thinning<T> {
+    /// Its magnitude at a speed, N, and the slope of that, N s/m.
+    #[inline]
+    fn of(&self, speed: T) -> (T, T) {
+        let left = self.velocity / (self.velocity + speed);
+        (self.viscosity * left * speed, self.viscosity * left * left)
+    }
+}
+
+/// A force that repeats along the way: poles of a motor, balls of a screw, teeth.
+#[derive(Clone, Copy, Debug)]
+struct Cogging<T> {
+    /// Amplitudes against extension, N.
+    cosine: T,
+    sine: T,
+    /// 1 over the pitch, 1/m.
+    per_metre: T,
+}
+
+impl<T: Real> Cogging<T> {
+    #[inline(always)]
+    fn exists(&self) -> bool {
+        self.cosine != T::ZERO || self.sine != T::ZERO
+    }
+
+    /// Force against extension, N.
+    #[inline]
+    fn force(&self, ram: T) -> T {
+        let turns = ram * self.per_metre;
+        self.cosine * (turns + T::literal(0.25)).sine_of_turns() + self.sine * turns.sine_of_turns()
+    }
+}
+
 /// Constants of the jack.
 #[derive(Clone, Copy, Debug)]
 pub struct Jack<T> {
@@ -59,7 +101,9 @@ pub struct Jack<T> {
     /// Mass that the relative motion moves, kg: the load's, or the reduced mass of load and base.
     mass: T,
     mount: Option<Mount<T>>,
+    /// Viscous friction in extension and in retraction: mean, and half of the difference, N s/m.
     viscous: T,
+    viscous_side: T,
     quadratic: T,
     spring: T,
     /// End stop `XJM`, m.
@@ -70,6 +114,8 @@ pub struct Jack<T> {
     breakaway_ratio: T,
     asymmetry: T,
     stribeck_velocity: T,
+    thinning: Thinning<T>,
+    cogging: Cogging<T>,
     /// Load against extension that is always there, N.
     constant_load: T,
     /// Load against extension from its time on, N.
@@ -82,11 +128,18 @@ impl<T: Real> Jack<T> {
     /// The jack of a set of parameters.
     pub fn new(p: &Parameters<T>) -> Self {
         let mount = Mount::of(p);
+        let retraction = (p.viscous_friction + p.retraction_viscosity).larger(T::ZERO);
+        let viscous_side = if p.retraction_viscosity == T::ZERO {
+            T::ZERO
+        } else {
+            (p.viscous_friction - retraction) * T::literal(0.5)
+        };
         Self {
             area: p.jack_area,
             mass: mount.map_or(p.load_mass, |mount| p.load_mass * mount.load_share),
             mount,
-            viscous: p.viscous_friction,
+            viscous: p.viscous_friction - viscous_side,
+            viscous_side,
             quadratic: p.quadratic_drag,
             spring: p.spring_load,
             stop: p.jack_stop,
@@ -94,6 +147,12 @@ impl<T: Real> Jack<T> {
             breakaway_ratio: p.breakaway_ratio,
             asymmetry: p.friction_asymmetry,
             stribeck_velocity: p.stribeck_velocity,
+            thinning: Thinning { viscosity: p.thinning_viscosity, velocity: p.thinning_velocity },
+            cogging: Cogging {
+                cosine: p.cogging_cosine,
+                sine: p.cogging_sine,
+                per_metre: T::ONE / p.cogging_pitch,
+            },
             constant_load: p.constant_load,
             step_load: p.step_load,
             step_load_time: p.step_load_time,
@@ -102,7 +161,28 @@ impl<T: Real> Jack<T> {
 
     /// Are all of its laws piecewise affine?
     pub fn is_affine(&self) -> bool {
-        self.quadratic == T::ZERO && self.stribeck_velocity == T::ZERO
+        self.quadratic == T::ZERO
+            && self.stribeck_velocity == T::ZERO
+            && self.thinning.viscosity == T::ZERO
+            && !self.cogging.exists()
+    }
+
+    /// Is its damping another one in each direction?
+    #[inline(always)]
+    pub fn has_sides(&self) -> bool {
+        self.viscous_side != T::ZERO
+    }
+
+    /// Viscous friction, N s/m, of the ram that slides in a direction.
+    #[inline(always)]
+    fn viscous(&self, direction: T) -> T {
+        self.viscous + direction * self.viscous_side
+    }
+
+    /// Force of the cogging on the ram, N, positive in extension, at a position in the cylinder.
+    #[inline(always)]
+    pub fn cogging(&self, ram: T) -> T {
+        if self.cogging.exists() { -self.cogging.force(ram) } else { T::ZERO }
     }
 
     /// Does a step load exist?
@@ -218,13 +298,13 @@ impl<T: Real> Jack<T> {
     /// Acceleration of the sliding ram by the affine laws, m/s^2.
     #[inline(always)]
     pub fn affine_acceleration(&self, drive: T, velocity: T, direction: T, one: T) -> T {
-        (drive + self.coulomb(direction) * one - self.viscous * velocity) / self.mass
+        (drive + self.coulomb(direction) * one - self.viscous(direction) * velocity) / self.mass
     }
 
-    /// Forces that are not affine in the velocity (Stribeck, quadratic drag), N, positive in extension, and their
-    /// slope with the velocity, N s/m.
+    /// Forces that are not affine in velocity and position (Stribeck, quadratic drag, thinning, cogging), N, positive
+    /// in extension, and their slope with the velocity, N s/m.
     #[inline]
-    pub fn curved_force(&self, velocity: T, direction: T) -> (T, T) {
+    pub fn curved_force(&self, ram: T, velocity: T, direction: T) -> (T, T) {
         let speed = (velocity * direction).larger(T::ZERO);
         let drag = self.quadratic * speed;
         let mut force = -direction * drag * speed;
@@ -236,16 +316,29 @@ impl<T: Real> Jack<T> {
             force += rest;
             slope += -direction * rest / self.stribeck_velocity;
         }
-        (force, slope)
+        if self.thinning.viscosity != T::ZERO {
+            let (thinned, by_speed) = self.thinning.of(speed);
+            force += -direction * thinned;
+            slope += -by_speed;
+        }
+        (force + self.cogging(ram), slope)
     }
 
     /// The line on which velocity and pressure lie at the middle of a step:
     /// `v_mid = velocity + compliance * P12` (implicit midpoint), from everything but the pressure's force.
     #[inline(always)]
-    pub fn midpoint_line(&self, force_without_pressure: T, mass: T, velocity: T, half: T) -> (T, T) {
-        let inertia = mass + half * self.viscous;
+    pub fn midpoint_line(
+        &self,
+        force_without_pressure: T,
+        mass: T,
+        velocity: T,
+        direction: T,
+        half: T,
+    ) -> (T, T) {
+        let viscous = self.viscous(direction);
+        let inertia = mass + half * viscous;
         (
-            velocity + half * (force_without_pressure - self.viscous * velocity) / inertia,
+            velocity + half * (force_without_pressure - viscous * velocity) / inertia,
             half * self.area / inertia,
         )
     }

@@ -114,8 +114,9 @@ impl<T: Real> Model<T> {
             // The curved forces need a velocity at the middle of the step: guess it, then use the guess.
             let passes = if self.jack.is_affine() { 1 } else { 2 };
             for _ in 0..passes {
-                let force = constant + self.jack.curved_force(velocity, direction).0;
-                let (line, compliance) = self.jack.midpoint_line(force, inertia, z.ram_velocity, half);
+                let force = constant + self.jack.curved_force(middle.ram, velocity, direction).0;
+                let (line, compliance) =
+                    self.jack.midpoint_line(force, inertia, z.ram_velocity, direction, half);
                 let pressure = if self.form.drive == Drive::Force {
                     T::ZERO
                 } else if fluid.is_compressible() {

@@ -14,6 +14,7 @@
 pub mod controller;
 pub mod corridor;
 pub(crate) mod curved;
+pub mod drive;
 mod events;
 pub mod fluid;
 pub mod jack;
@@ -152,10 +153,10 @@ impl<T: Real> Model<T> {
         self.fluid.is_linear() && self.jack.is_affine() && self.parameters.supply_sag == T::ZERO
     }
 
-    /// Do transition matrices depend on directions, as those of a supply that sags with the speed of the ram, and of
-    /// a spool that opens more on one side, do?
+    /// Do transition matrices depend on directions, as those of a supply that sags with the speed of the ram, of a spool
+    /// that opens more on one side, and of a jack that is damped more in one direction, do?
     pub fn has_directed_matrices(&self) -> bool {
-        self.parameters.supply_sag != T::ZERO || self.spool.asymmetry != T::ZERO
+        self.parameters.supply_sag != T::ZERO || self.spool.asymmetry != T::ZERO || self.jack.has_sides()
     }
 
     /// Number of leading entries of the state that this model moves.

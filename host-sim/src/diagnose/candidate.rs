@@ -1,5 +1,6 @@
 //! One effect of the catalogue as a hypothesis: its parameters added to the free ones, fitted together.
 
+use super::ripple;
 use crate::fit::{self, Polished, Prepared};
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::EffectInfo;
@@ -44,11 +45,13 @@ pub(super) fn applies(effect: &EffectInfo, rig: &Rig, ranges: &[Range]) -> bool 
     let in_hydraulics = matches!(effect.port, Port::Valve | Port::Fluid);
     let out_of_place = (in_hydraulics && rig.form.drive == Drive::Force)
         || (pilot && rig.form.valve == ValveForm::FirstOrder);
-    !part_of_model && !out_of_place
+    let no_drive = effect.port == Port::Drive && rig.form.drive == Drive::Valve;
+    // A known controller samples the sensor: what lies between ram and sensor would be inside its loop.
+    !part_of_model && !out_of_place && !no_drive
 }
 
 /// Ranges of an effect's parameters around the values that a rig has.
-fn effect_ranges(effect: &EffectInfo, rig: &Rig, duration: f64) -> Vec<Range> {
+fn effect_ranges(effect: &EffectInfo, rig: &Rig, duration: f64, pitches: &[f64]) -> Vec<Range> {
     effect
         .parameters
         .iter()
@@ -57,6 +60,15 @@ fn effect_ranges(effect: &EffectInfo, rig: &Rig, duration: f64) -> Vec<Range> {
             let (info, here) = (parameter.info(), rig.parameters.get(parameter));
             if parameter == Parameter::StepLoadTime {
                 return Range { parameter, lower: 0.0, upper: duration };
+            }
+            if parameter == Parameter::CoggingPitch {
+                let reach = |factor: f64| pitches.iter().map(move |pitch| pitch * factor);
+                let (low, high) = (1.0 - ripple::PITCH_REACH, 1.0 + ripple::PITCH_REACH);
+                return Range {
+                    parameter,
+                    lower: reach(low).fold(info.upper, f64::min).max(info.lower),
+                    upper: reach(high).fold(info.lower, f64::max).min(info.upper),
+                };
             }
             Range {
                 parameter,
@@ -68,13 +80,17 @@ fn effect_ranges(effect: &EffectInfo, rig: &Rig, duration: f64) -> Vec<Range> {
 }
 
 /// Values of an effect's parameters from which its fit starts.
-fn effect_starts(effect: &EffectInfo, rig: &Rig, duration: f64) -> Vec<Vec<f64>> {
+fn effect_starts(effect: &EffectInfo, rig: &Rig, duration: f64, pitches: &[f64]) -> Vec<Vec<f64>> {
     let here = rig.parameters.get(effect.parameters[0]);
     let (info, size) = (effect.parameters[0].info(), effect.sizes[0]);
     if effect.parameters.contains(&Parameter::StepLoadTime) {
         return (0..STEP_TIMES)
             .map(|k| vec![here + 0.5 * size, duration * (k as f64 + 0.5) / STEP_TIMES as f64])
             .collect();
+    }
+    if effect.parameters.contains(&Parameter::CoggingPitch) {
+        // The amplitudes are linear: any small ones serve.
+        return pitches.iter().map(|&pitch| vec![here + 0.01 * size, 0.01 * size, pitch]).collect();
     }
     let multiples = if here <= info.lower { ONE_SIDED } else { TWO_SIDED };
     multiples
@@ -111,12 +127,17 @@ pub(super) fn look(
     let duration =
         records.iter().map(|record| record.len() as f64 * record.sample_period).fold(0.0, f64::max);
     let mut all = ranges.to_vec();
-    all.extend(effect_ranges(effect, rig, duration));
+    let pitches = if effect.parameters.contains(&Parameter::CoggingPitch) {
+        ripple::pitches(records, &fit::predict(rig, records))
+    } else {
+        Vec::new()
+    };
+    all.extend(effect_ranges(effect, rig, duration, &pitches));
     if all.len() > fit::MAX_FREE {
         return None;
     }
     let here: Vec<f64> = ranges.iter().map(|range| rig.parameters.get(range.parameter)).collect();
-    let starts: Vec<Vec<f64>> = effect_starts(effect, rig, duration)
+    let starts: Vec<Vec<f64>> = effect_starts(effect, rig, duration, &pitches)
         .into_iter()
         .map(|start| here.iter().copied().chain(start).collect())
         .collect();

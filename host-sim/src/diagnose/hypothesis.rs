@@ -3,7 +3,7 @@
 use super::candidate::{self, Candidate, Prospect};
 use super::residual::{self, MEASURED, MODEL_ERROR};
 use super::{Case, RESIDUAL_LIMIT};
-use crate::fit::{self, Estimate, Fit, Polished};
+use crate::fit::{self, Estimate, Fit, Polished, Prepared};
 use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
@@ -12,6 +12,8 @@ use rayon::prelude::*;
 
 /// Fall of chi-square that the linear model must foresee for an effect to be fitted: far below what is accepted.
 const PROMISING: f64 = 4.0;
+/// Part of a fall of chi-square that is wanted which the linear model must foresee.
+const FORESEEN: f64 = 0.1;
 /// Most effects that are approached by rough fits for a hypothesis in a round, the most promising first.
 const MOST_APPROACHED: usize = 10;
 /// Most of them that are fitted, to the fitted records and to all: more than look alike in the position alone, so that
@@ -23,6 +25,11 @@ const CONFOUNDED: f64 = 5.0;
 const CLASS_EVIDENCE: f64 = 9.2;
 /// Rise of the held-out records' chi-square that chance explains (two standard deviations of one parameter).
 const HOLDOUT_CHANCE: f64 = 4.0;
+/// Standard errors within which fitted and held-out records must agree on an effect, and by which it must differ from
+/// its absence in each, to be named although something else is left: a chance of 0.3 %.
+const REPRODUCED_SIGMA: f64 = 3.0;
+/// Twice the logarithm of the odds (10^50 to 1) against a candidate beside the best that no held-out record makes up for.
+const HOPELESS: f64 = 230.0;
 /// Standard errors, over blocks of the records, that a gain must have where what is left is not noise.
 const ROBUST_SIGMA: f64 = 2.0;
 
@@ -48,6 +55,8 @@ pub(super) struct Earned {
     pub(super) effect: &'static EffectInfo,
     /// Twice the logarithm of the odds against the model without it.
     pub(super) evidence: f64,
+    /// Do fitted and held-out records, each for itself, give it the same size?
+    pub(super) reproduces: bool,
     /// The model without it.
     without: Hypothesis,
 }
@@ -158,15 +167,17 @@ impl Hypothesis {
     }
 
     /// Fits the effects that promise to lower chi-square, and those that are mixed up with a fault: the fault may be
-    /// far from the truth in place of the effect, and the linear model there says nothing. The best first.
-    fn fit_promising(&self, case: &Case<'_>) -> Vec<Candidate> {
+    /// far from the truth in place of the effect, and the linear model there says nothing. The best first. `wanted` is
+    /// the fall of chi-square that is of interest: where the linear model foresees a small part of it only, the fit will
+    /// not reach it.
+    fn fit_promising(&self, case: &Case<'_>, wanted: f64) -> Vec<Candidate> {
         let base = self.train.misfit.chi_square;
         let gain = |prospect: &Prospect| base - prospect.foreseen.misfit.chi_square;
         let (mut asked, mut promising): (Vec<Prospect>, Vec<Prospect>) = self
             .look(case)
             .into_iter()
             .partition(|prospect| self.confuses(case, prospect).any(|mixed| mixed));
-        promising.retain(|prospect| gain(prospect) > PROMISING);
+        promising.retain(|prospect| gain(prospect) > PROMISING.max(FORESEEN * wanted));
         promising.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
         promising.truncate(MOST_APPROACHED);
         promising.append(&mut asked);
@@ -200,12 +211,15 @@ impl Hypothesis {
 
     /// The hypotheses with one more effect that the fitted records ask for.
     pub(super) fn grow(&self, case: &Case<'_>) -> Vec<Self> {
-        let mut candidates = self.fit_promising(case);
+        let mut candidates = self.fit_promising(case, 0.0);
         let Some(best) = candidates.first() else { return Vec::new() };
         let scale = best.fit.misfit.mean_square().max(1.0);
+        let best = best.fit.misfit.chi_square;
         let base = self.train.misfit.chi_square;
         candidates.retain(|candidate| {
-            (base - candidate.fit.misfit.chi_square) / scale > self.price(candidate.effect, scale)
+            let chi_square = candidate.fit.misfit.chi_square;
+            (base - chi_square) / scale > self.price(candidate.effect, scale)
+                && (chi_square - best) / scale < HOPELESS
         });
         self.with(case, candidates)
     }
@@ -241,7 +255,7 @@ impl Hypothesis {
                 .map(|effect| {
                     let without = self.without(case, effect, known);
                     let gain = (without.joint.misfit.chi_square - self.joint.misfit.chi_square) / scale;
-                    Earned { effect, evidence: gain - self.price(effect, scale), without }
+                    Earned { effect, evidence: gain - self.price(effect, scale), reproduces: false, without }
                 })
                 .collect();
             for new in earned.iter().map(|earned| &earned.without) {
@@ -255,7 +269,14 @@ impl Hypothesis {
                 .min_by(|a, b| a.evidence.total_cmp(&b.evidence));
             match weakest {
                 Some(weakest) => self = weakest.without.clone(),
-                None => return (self, earned),
+                None => {
+                    let reproduces = self.reproduces(case);
+                    let earned = earned
+                        .into_iter()
+                        .map(|earned| Earned { reproduces: reproduces(earned.effect), ..earned })
+                        .collect();
+                    return (self, earned);
+                }
             }
         }
     }
@@ -271,7 +292,46 @@ impl Hypothesis {
             && (self.leaves_noise(case) || self.gains_everywhere(case, without))
     }
 
-    /// Does it change the prediction of a record by more than the model's own error, or move a fault by more than its error?
+    /// Tells for an effect whether fitted and held-out records, each fitted for itself, say the same of it: each that
+    /// it is there, and both the same size, within errors that allow for a residual which is not noise.
+    fn reproduces(&self, case: &Case<'_>) -> impl Fn(&EffectInfo) -> bool + use<> {
+        let alone = |records: &[Prepared], start: &[f64]| {
+            if records.is_empty() {
+                return None;
+            }
+            let fit = fit::polish(&self.rig, &self.ranges, start, records)?;
+            let predictions = fit::predict(&fit.applied(&self.rig, &self.ranges), records);
+            let inflation = super::inflation(records, &predictions, &fit.misfit);
+            Some((fit, inflation.sqrt()))
+        };
+        let fits = alone(case.train(), &self.train.values).zip(alone(case.holdout(), &self.joint.values));
+        let ranges = self.ranges.clone();
+        let absent = case.rig.parameters;
+        move |effect| {
+            let Some(((train, by), (holdout, held_by))) = &fits else { return false };
+            let of_effect =
+                || (0..ranges.len()).filter(|&index| effect.parameters.contains(&ranges[index].parameter));
+            let errors =
+                |index: usize| (train.standard_error(index) * by, holdout.standard_error(index) * held_by);
+            let agrees = |index: usize| {
+                let (error, held) = errors(index);
+                let apart = (train.values[index] - holdout.values[index]).abs();
+                apart <= REPRODUCED_SIGMA * error.hypot(held)
+            };
+            let is_there = |index: usize| {
+                let (error, held) = errors(index);
+                let size = |values: &[f64]| values[index] - absent.get(ranges[index].parameter);
+                let (here, there) = (size(&train.values), size(&holdout.values));
+                here * there > 0.0
+                    && here.abs() > REPRODUCED_SIGMA * error
+                    && there.abs() > REPRODUCED_SIGMA * held
+            };
+            of_effect().all(agrees) && of_effect().any(is_there)
+        }
+    }
+
+    /// Does it change the prediction of a record by more than the model's own error, or move a fault by more than its
+    /// error?
     fn matters_against(&self, case: &Case<'_>, without: &Self) -> bool {
         let changes = case.records.iter().zip(&without.predictions).zip(&self.predictions).any(
             |((record, without), with)| {
@@ -309,7 +369,8 @@ impl Hypothesis {
         let mine = |chi_square: f64, effect| chi_square / scale + self.price(effect, scale) + CLASS_EVIDENCE;
         let limit = mine(self.train.misfit.chi_square, earned.effect);
         let joint_limit = mine(self.joint.misfit.chi_square, earned.effect);
-        let mut others = earned.without.fit_promising(case);
+        let mut others =
+            earned.without.fit_promising(case, earned.without.train.misfit.chi_square - scale * limit);
         others.retain(|other| {
             other.effect.name != earned.effect.name
                 && other.fit.misfit.chi_square / scale + self.price(other.effect, scale) < limit

@@ -7,7 +7,7 @@
 //! look at every effect of the catalogue beside them (linear), fit the promising ones --> evidence
 //!        |
 //!        v
-//! keep the best few hypotheses, grow each by another effect, until one leaves noise or nothing helps (up to three)
+//! keep the best few hypotheses, grow each by another effect, until one leaves noise or nothing helps (up to five)
 //!        |
 //!        v
 //! drop what does not earn its place beside the others: significant, matters, validates on the held-out records
@@ -20,6 +20,7 @@
 mod candidate;
 mod hypothesis;
 pub mod residual;
+mod ripple;
 
 use crate::fit::{self, Estimate, Fit, FitSettings, Prepared};
 use crate::interrupt;
@@ -32,7 +33,7 @@ use hypothesis::{Earned, Hypothesis};
 use residual::{ChannelResidual, Description, MEASURED};
 
 /// Most effects that are added.
-const MOST_EFFECTS: usize = 4;
+const MOST_EFFECTS: usize = 5;
 /// Hypotheses that are grown further.
 const BEAM: usize = 3;
 /// Standard deviations of the residual tests: with four channels, a chance of 1e-4 of a false alarm.
@@ -74,8 +75,8 @@ pub struct Found {
     pub class: Vec<&'static EffectInfo>,
     /// Twice the logarithm of the odds against the model without it.
     pub evidence: f64,
-    /// Does it, with those before it, explain the better part of the misfit? If not it is a help for prediction, not
-    /// a name for what is there.
+    /// Does it, with those before it, explain the better part of the misfit, or do fitted and held-out records, each for
+    /// itself, give it the same size? If not it is a help for prediction, not a name for what is there.
     pub named: bool,
     /// Its parameters, as the last fit has them.
     pub estimates: Vec<Estimate>,
@@ -262,10 +263,11 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned], o
         (true, false) => Verdict::Explained,
         (false, _) => Verdict::Unexplained,
     };
-    // Effects that leave much of the misfit are a help for prediction, not a name for what is there.
+    // Effects that leave much of the misfit are a help for prediction, not a name for what is there, unless their sign
+    // and size are the same wherever one looks.
     let excess = |misfit: &Misfit<f64>| (misfit.mean_square() - 1.0).max(0.0);
     let explains = excess(&best.train.misfit) < (1.0 - NAMING_SHARE) * excess(&before.misfit);
-    let inflation = if noise_only { 1.0 } else { inflation(case, &predictions, &best.train.misfit) };
+    let inflation = if noise_only { 1.0 } else { inflation(case.train(), &predictions, &best.train.misfit) };
     let estimates: Vec<Estimate> = best.estimates(inflation);
     let found: Vec<Found> = earned
         .iter()
@@ -276,7 +278,7 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned], o
                 .chain(others.iter().filter_map(|other| other.added.last().copied()))
                 .collect(),
             evidence: earned.evidence,
-            named: noise_only || explains,
+            named: noise_only || explains || earned.reproduces,
             estimates: estimates
                 .iter()
                 .filter(|estimate| earned.effect.parameters.contains(&estimate.parameter))
@@ -317,9 +319,9 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned], o
 }
 
 /// How much larger than white noise of the stated size what a model leaves counts: mean square times correlation time.
-fn inflation(case: &Case<'_>, predictions: &[Vec<Outputs<f64>>], misfit: &Misfit<f64>) -> f64 {
+fn inflation(records: &[Prepared], predictions: &[Vec<Outputs<f64>>], misfit: &Misfit<f64>) -> f64 {
     let time = (0..MEASURED)
-        .map(|channel| fit::correlation_time(&residual::series(case.train(), predictions, channel)))
+        .map(|channel| fit::correlation_time(&residual::series(records, predictions, channel)))
         .fold(1.0, f64::max);
     misfit.mean_square().max(1.0) * time
 }

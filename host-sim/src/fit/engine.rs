@@ -105,7 +105,7 @@ pub fn trace<S: Stepper<f64>>(
         .records
         .iter()
         .map(|record| {
-            stepper.begin(record.sample_period, !record.force.is_empty(), true);
+            stepper.begin(record.sample_period, record.has_force(), true);
             let mut walk = Walk::new(&model, record);
             std::iter::from_fn(|| walk.next(record, stepper).map(|(_, outputs)| outputs)).collect()
         })

@@ -1,10 +1,12 @@
 //! From records and a rig to fitted parameters: the bridge to the core's search.
 
+mod closed_loop;
 pub mod engine;
 mod noise;
 mod polish;
 mod prepare;
 
+pub use closed_loop::{LoopScore, loop_score};
 pub use noise::{NoiseSource, correlation_time, noise_of, noise_source, pooled, quantum, residual_series};
 pub use polish::{Polished, approach, foresee, polish};
 pub use prepare::{Prepared, prepare, prepare_with};
@@ -21,7 +23,7 @@ use engine::{FIT_TOLERANCE, Job, on_records};
 use std::time::Instant;
 
 /// Most parameters that one fit may free.
-pub const MAX_FREE: usize = 12;
+pub const MAX_FREE: usize = 16;
 /// Most members of a population.
 pub const MAX_POPULATION: usize = 64;
 

@@ -6,6 +6,7 @@ use crate::rig::Rig;
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::problem::{Record as CoreRecord, Start};
 use eha_monitor::model::Drive;
+use eha_monitor::model::drive::Law;
 
 const MEASURED: usize = Channel::MEASURED.len();
 
@@ -38,6 +39,9 @@ pub struct Prepared {
     starts: Vec<Start<f64>>,
     stretch: usize,
     settle: usize,
+    law: Option<Law<f64>>,
+    holds: bool,
+    drive: Vec<f64>,
 }
 
 impl Prepared {
@@ -47,6 +51,8 @@ impl Prepared {
             sample_period: self.sample_period,
             command: &self.command,
             force: &self.force,
+            holds: self.holds,
+            law: self.law,
             measured: std::array::from_fn(|index| self.measured[index].as_slice()),
             noise: self.noise,
             stretch: self.stretch,
@@ -86,6 +92,9 @@ impl Prepared {
             command: cut(&self.command),
             force: cut(&self.force),
             measured: self.measured.each_ref().map(cut),
+            drive: cut(&self.drive),
+            law: self.law,
+            holds: self.holds,
             noise: self.noise,
             starts: at.iter().map(start).collect(),
             stretch,
@@ -108,6 +117,21 @@ impl Prepared {
         &self.measured[index]
     }
 
+    /// Driving force as recorded, N; empty where a valve drives.
+    pub fn drive(&self) -> &[f64] {
+        &self.drive
+    }
+
+    /// The known controller that closes the loop.
+    pub const fn law(&self) -> Option<Law<f64>> {
+        self.law
+    }
+
+    /// Is a sample compared with the model?
+    pub fn is_compared(&self, sample: usize) -> bool {
+        self.as_core().is_compared(sample)
+    }
+
     /// Commanded position, m.
     pub fn command(&self) -> &[f64] {
         &self.command
@@ -124,16 +148,19 @@ pub fn prepare(rig: &Rig, record: &Record) -> Prepared {
 /// Where the rig says that commands carry an offset, it is removed.
 ///
 /// A closed loop starts at rest where the command is, if the first sample agrees with that (the next ones may be moving
-/// already); else where the first samples are, and the first 0.1 s is not compared. An open loop starts anew from the measured position and velocity at each restart.
+/// already); else where the first samples are, and the first 0.1 s is not compared. An open loop starts anew from the
+/// measured position and velocity at each restart, and a known controller closes the loop from those at the start on:
+/// its first 0.1 s is not compared either.
 pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepared {
     let values = |channel: Channel| record.channel(channel).map(<[f64]>::to_vec);
     let mut command = values(Channel::Command).unwrap_or_default();
     let position = values(Channel::UserPosition).unwrap_or_default();
     let load = values(Channel::Load);
     let drive = values(Channel::Drive).filter(|_| rig.form.drive == Drive::Force);
-    let force = match (drive, load) {
+    let law = rig.controller;
+    let force = match (drive.as_ref().filter(|_| law.is_none()), load) {
         (Some(drive), Some(load)) => drive.iter().zip(load).map(|(drive, load)| drive - load).collect(),
-        (Some(drive), None) => drive,
+        (Some(drive), None) => drive.clone(),
         (None, Some(load)) => load.into_iter().map(|load| -load).collect(),
         (None, None) => Vec::new(),
     };
@@ -152,8 +179,11 @@ pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepa
             *value += offset;
         }
     }
+    let settled = ((SETTLE_S / sample_period) as usize).min(command.len() / 4);
     let restart = rig.restart_s.map(|seconds| ((seconds / sample_period).round() as usize).max(2));
-    let (starts, stretch, settle) = if let Some(stretch) = restart {
+    let (starts, stretch, settle) = if law.is_some() {
+        (vec![moving_start(&position, 0, sample_period)], command.len(), settled)
+    } else if let Some(stretch) = restart {
         let starts = (0..command.len()).step_by(stretch).map(|at| moving_start(&position, at, sample_period));
         (starts.collect(), stretch, 1)
     } else {
@@ -165,12 +195,24 @@ pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepa
         if at_command {
             (vec![Start { ram: commanded, ..Start::default() }], command.len(), 0)
         } else {
-            let settle = ((SETTLE_S / sample_period) as usize).min(command.len() / 4);
-            (vec![Start { ram: mean, ..Start::default() }], command.len(), settle)
+            (vec![Start { ram: mean, ..Start::default() }], command.len(), settled)
         }
     };
     let measured = Channel::MEASURED.map(|channel| values(channel).unwrap_or_default());
-    Prepared { sample_period, command, force, measured, noise, starts, stretch, settle }
+    let drive = drive.unwrap_or_default();
+    Prepared {
+        sample_period,
+        command,
+        force,
+        measured,
+        noise,
+        starts,
+        stretch,
+        settle,
+        law,
+        holds: rig.drive_holds,
+        drive,
+    }
 }
 
 /// Time, position and velocity at a sample, from a parabola through the samples around it.

@@ -50,6 +50,8 @@ fn eha() -> Rig {
         effects: Vec::new(),
         command_offset: false,
         restart_s: None,
+        controller: None,
+        drive_holds: false,
     }
 }
 
@@ -83,6 +85,8 @@ fn servo_hydraulic() -> Rig {
         effects: Vec::new(),
         command_offset: true,
         restart_s: None,
+        controller: None,
+        drive_holds: false,
     }
 }
 
@@ -110,5 +114,7 @@ fn force_axis() -> Rig {
         effects: Vec::new(),
         command_offset: false,
         restart_s: Some(1.0),
+        controller: None,
+        drive_holds: false,
     }
 }

@@ -4,6 +4,7 @@ use super::{BUILT_IN, Range, Rig, channel_named, parameter_named, unknown};
 use crate::failure::Failure;
 use eha_monitor::channel::ChannelRole;
 use eha_monitor::effect::{EFFECTS, EffectInfo};
+use eha_monitor::model::drive::Law;
 use eha_monitor::model::{Drive, Feedback, Form, ValveForm};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -19,6 +20,7 @@ struct RigFile {
     name: Option<String>,
     #[serde(default)]
     model: ModelTable,
+    controller: Option<ControllerTable>,
     #[serde(default)]
     parameters: BTreeMap<String, f64>,
     #[serde(default)]
@@ -36,6 +38,49 @@ struct ModelTable {
     drive: Option<DriveName>,
     restart_s: Option<f64>,
     command_offset: Option<bool>,
+    drive_holds: Option<bool>,
+}
+
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+struct ControllerTable {
+    position_gain: f64,
+    velocity_gain: f64,
+    limit: f64,
+    force_gain: f64,
+}
+
+/// The entries of a controller: name, unit, meaning.
+const CONTROLLER: [(&str, &str, &str); 4] = [
+    ("position-gain", "1/s", "velocity asked for per position error"),
+    ("velocity-gain", "V s/m", "output per velocity error, the velocity taken over two samples"),
+    ("limit", "V", "limit of the output"),
+    ("force-gain", "N/V", "force per output, kept until the next sample"),
+];
+
+impl ControllerTable {
+    const fn values(&self) -> [f64; 4] {
+        [self.position_gain, self.velocity_gain, self.limit, self.force_gain]
+    }
+
+    /// The law after a check.
+    fn law(&self, form: Form) -> Result<Law<f64>, Failure> {
+        if form.drive != Drive::Force || form.feedback != Feedback::Ram {
+            return Err(Failure::usage(
+                "[controller]: expected `drive = \"force\"` and `feedback = \"ram\"` in [model]; the controller of a \
+                 valve is set by `GAP`, `GAI`, `GAD` and `GAS` in [parameters]",
+            ));
+        }
+        for ((name, unit, _), value) in CONTROLLER.into_iter().zip(self.values()) {
+            if !value.is_finite() || value <= 0.0 {
+                return Err(Failure::usage(format!(
+                    "[controller] {name} = {value}: expected a positive number of {unit}"
+                )));
+            }
+        }
+        let [position_gain, velocity_gain, limit, force_gain] = self.values();
+        Ok(Law { position_gain, velocity_gain, limit, force_gain })
+    }
 }
 
 #[derive(Debug, Deserialize, Serialize)]
@@ -123,6 +168,11 @@ fn parse(text: &str) -> Result<Rig, Failure> {
         }
         rig.restart_s = (restart > 0.0).then_some(restart);
     }
+    if let Some(controller) = file.controller {
+        rig.controller = Some(controller.law(rig.form)?);
+        rig.drive_holds = true;
+    }
+    rig.drive_holds = model.drive_holds.unwrap_or(rig.drive_holds);
     for (name, value) in file.parameters {
         let parameter = parameter_named(&name)?;
         let info = parameter.info();
@@ -194,8 +244,18 @@ pub fn write(rig: &Rig, comments: &[String]) -> String {
         writeln!(text, "feedback = {}", kebab(toml::Value::try_from(FeedbackName::from(rig.form.feedback))));
     let _ = writeln!(text, "drive = {}", kebab(toml::Value::try_from(DriveName::from(rig.form.drive))));
     let _ = writeln!(text, "command-offset = {}", rig.command_offset);
+    if rig.drive_holds {
+        let _ = writeln!(text, "drive-holds = true");
+    }
     if let Some(restart) = rig.restart_s {
         let _ = writeln!(text, "restart-s = {restart:?}");
+    }
+    if let Some(Law { position_gain, velocity_gain, limit, force_gain }) = rig.controller {
+        let _ = writeln!(text, "\n[controller]");
+        let values = [position_gain, velocity_gain, limit, force_gain];
+        for ((name, unit, meaning), value) in CONTROLLER.into_iter().zip(values) {
+            let _ = writeln!(text, "{name} = {value:?} # {unit}, {meaning}");
+        }
     }
     let _ = writeln!(text, "\n[parameters]");
     for (parameter, value) in rig.changed() {
@@ -237,6 +297,13 @@ mod tests {
             rig.effects = vec![&EFFECTS[0]];
             if built_in.name == "force-axis" {
                 rig.faults.clear();
+                rig.controller = Some(Law {
+                    position_gain: 160.18,
+                    velocity_gain: 243.45,
+                    limit: 10.0,
+                    force_gain: 35.15,
+                });
+                rig.drive_holds = true;
             }
             let text = write(&rig, &["a comment".to_owned()]);
             assert_eq!(parse(&text).unwrap(), rig, "{text}");
@@ -251,6 +318,18 @@ mod tests {
             ("base = \"ehb\"", "unknown base rig `ehb`; did you mean `eha`?"),
             ("[[fault]]\nname = \"fdj\"\nlower = 10.0\nupper = 1.0", "range 10 to 1 of `fdj`"),
             ("[noise]\nlvdt_m = 0.0", "noise of `lvdt_m` = 0"),
+            (
+                "base = \"force-axis\"\n[controller]\nposition-gain = 160.0\nvelocity-gain = -243.0\nlimit = 10.0\nforce-gain = 35.0",
+                "[controller] velocity-gain = -243: expected a positive number of V s/m",
+            ),
+            (
+                "base = \"force-axis\"\n[controller]\nposition-gain = 160.0\nlimit = 10.0\nforce-gain = 35.0",
+                "missing field `velocity-gain`",
+            ),
+            (
+                "[controller]\nposition-gain = 160.0\nvelocity-gain = 243.0\nlimit = 10.0\nforce-gain = 35.0",
+                "[controller]: expected `drive = \"force\"`",
+            ),
             ("[noise]\ncommand_m = 1.0", "noise of `command_m` = 1"),
             ("[[effect]]\nname = \"sensor-of\"", "did you mean `sensor-offset`?"),
             ("[model]\nvalve = \"third-order\"", "unknown variant `third-order`"),

@@ -10,6 +10,7 @@ use crate::failure::Failure;
 use eha_monitor::channel::{CHANNELS, Channel};
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::model::Form;
+use eha_monitor::model::drive::Law;
 use eha_monitor::parameter::{PARAMETERS, Parameter, Parameters};
 
 /// A parameter that a search may move, with its range.
@@ -68,6 +69,11 @@ pub struct Rig {
     pub command_offset: bool,
     /// Open loop: the model starts anew from the measured state every so many seconds.
     pub restart_s: Option<f64>,
+    /// The controller that drives a jack which a force moves, where it is known: the loop is closed then.
+    pub controller: Option<Law<f64>>,
+    /// Does the drive of a record keep the value of a sample until the next one, as that of a controller that samples
+    /// does? If not it goes there in a straight line.
+    pub drive_holds: bool,
 }
 
 impl Rig {
@@ -88,6 +94,12 @@ impl Rig {
             .map(|parameter| (parameter, self.parameters.get(parameter)))
             .filter(|&(parameter, value)| value != parameter.info().default)
             .collect()
+    }
+
+    /// The same in open loop.
+    #[must_use]
+    pub fn opened(&self) -> Self {
+        Self { controller: None, ..self.clone() }
     }
 
     /// Known noise of a channel, in its unit.

@@ -4,7 +4,7 @@ use super::{DEFAULT_RIG, InputOptions};
 use crate::cli::Common;
 use crate::diagnose::{Case, Diagnosis, Score, Verdict, diagnose};
 use crate::failure::Failure;
-use crate::fit::{self, FitSettings, Prepared};
+use crate::fit::{self, FitSettings, LoopScore, Prepared};
 use crate::interrupt;
 use crate::output::{self, SCHEMA};
 use crate::record::Record;
@@ -20,10 +20,11 @@ use std::time::Instant;
 /// Options of `diagnose`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
-    /// Records to fit, together.
+    /// Records to fit, together. `FILE@FROM..TO` is a segment of one, in s.
     #[arg(required = true, value_name = "REC")]
     records: Vec<PathBuf>,
-    /// Record that is only predicted, to validate what was found; best with another command.
+    /// Record that is only predicted, to validate what was found; best with another command. `FILE@FROM..TO` is a segment
+    /// of one, such as the other half of a fitted record.
     #[arg(long, value_name = "REC")]
     holdout: Vec<PathBuf>,
     #[command(flatten)]
@@ -92,6 +93,18 @@ impl Job<'_> {
         Ok((diagnosis, result))
     }
 
+    /// Errors in closed loop and over open windows, before and after, of the fitted and the held-out records; none
+    /// where the controller is not known.
+    fn loop_scores(&self, diagnosis: &Diagnosis) -> Vec<(&'static str, [LoopScore; 2])> {
+        let before = Rig { parameters: diagnosis.before.parameters, ..self.rig.clone() };
+        let records = [("train", &self.train), ("holdout", &self.holdout)];
+        let scores = |records: &[Record]| {
+            let score = |rig: &Rig| fit::loop_score(rig, records);
+            Some([score(&before)?, score(&diagnosis.rig)?])
+        };
+        records.into_iter().filter_map(|(name, records)| Some((name, scores(records)?))).collect()
+    }
+
     fn json(&self, diagnosis: &Diagnosis, seconds: f64) -> Value {
         let pair = |scores: &[Score; 2]| json!({ "before_rms_m": output::number(scores[0].position_rms), "after_rms_m": output::number(scores[1].position_rms) });
         let declared = self.rig.faults.len();
@@ -134,6 +147,18 @@ impl Job<'_> {
                 "train": pair(&diagnosis.train),
                 "holdout": diagnosis.holdout.as_ref().map(pair),
             },
+            "closed_loop": self.rig.controller.map(|_| {
+                let rows = self.loop_scores(diagnosis).into_iter().map(|(name, [before, after])| {
+                    let rms = |score: LoopScore| score.open_loop_rms.map(output::number);
+                    (name.to_owned(), json!({
+                        "before_force_error": output::number(before.force_error),
+                        "after_force_error": output::number(after.force_error),
+                        "before_open_loop_rms_m": rms(before),
+                        "after_open_loop_rms_m": rms(after),
+                    }))
+                });
+                rows.collect::<serde_json::Map<_, _>>()
+            }),
             "left": diagnosis.left.as_ref().map(|left| json!({
                 "follows": left.follows.map(|(name, correlation)| json!({ "quantity": name, "correlation": correlation })),
                 "active_s": left.active,
@@ -250,6 +275,23 @@ impl Job<'_> {
                     um(score.position_rms),
                     "#".repeat(length)
                 );
+            }
+        }
+        if let Some(rows) = result["closed_loop"].as_object().filter(|rows| !rows.is_empty()) {
+            let window =
+                self.rig.restart_s.map_or(String::new(), |seconds| format!("; open loop over {seconds} s"));
+            let _ = writeln!(text, "\nforce in closed loop, error over recorded{window}:");
+            let number = |row: &Value, name: &str| row[name].as_f64().unwrap_or(f64::NAN);
+            for (name, row) in rows {
+                let name = if name == "train" { "fitted records" } else { "held-out records" };
+                for when in ["before", "after"] {
+                    let force = number(row, &format!("{when}_force_error")) * 100.0;
+                    let open = number(row, &format!("{when}_open_loop_rms_m"));
+                    let _ = write!(text, "  {name:<17} {when:<7}{force:>8.2} %");
+                    let open =
+                        if open.is_finite() { format!("{:>12.3} mm", open * 1e3) } else { String::new() };
+                    let _ = writeln!(text, "{open}");
+                }
             }
         }
         let mut table = output::table(["fault", "before", "after", "95 % interval", "mixed up with"]);

@@ -4,9 +4,10 @@ use super::printouts::{self, Truth};
 use super::{DEFAULT_RIG, FitOptions, Fitted, converged, fit_records, save_trace};
 use crate::cli::Common;
 use crate::failure::Failure;
-use crate::fit::Fit;
+use crate::fit::{self, Fit, LoopScore};
 use crate::output::{self, SCHEMA};
 use crate::report::{self, Identified};
+use crate::rig::Rig;
 use crate::trace::Trace;
 use serde_json::{Value, json};
 
@@ -76,6 +77,12 @@ pub(super) fn save(
     })
 }
 
+/// Errors of the fitted model in closed loop and over open windows, where the controller is known.
+fn loop_score(fitted: &Fitted) -> Option<LoopScore> {
+    let rig = Rig { parameters: fitted.fit.parameters, ..fitted.rig.clone() };
+    fit::loop_score(&rig, &fitted.records)
+}
+
 /// What the user should know of a fit.
 fn notes(fit: &Fit) -> Vec<String> {
     let mut notes = output::correlation_warnings(fit);
@@ -106,6 +113,10 @@ pub(super) fn json(common: &Common, fitted: &Fitted, list: &str) -> Value {
         "correlation": fit.correlation.iter().map(|row| row.iter().map(|&c| output::number(c)).collect::<Vec<_>>()).collect::<Vec<_>>(),
         "warnings": notes(fit),
         "seed": common.seed,
+        "closed_loop": loop_score(fitted).map(|score| json!({
+            "force_error": output::number(score.force_error),
+            "open_loop_rms_m": score.open_loop_rms.map(output::number),
+        })),
         "config": output::config_json(common, &fitted.rig, &fitted.ranges, &fitted.names),
     });
     result[list] = fit.estimates.iter().map(output::estimate_json).collect();
@@ -119,7 +130,7 @@ pub(super) fn print(common: &Common, fitted: &Fitted) -> Result<(), Failure> {
     output::print(&output::residual_table(fit, &fitted.noise_source).to_string())?;
     output::print(&format!(
         "{} samples in {} records; {} evaluations, {} generations, {:.2} ms a generation, {:.3} s in all; {}; seed {}",
-        fitted.prepared.iter().map(crate::fit::Prepared::len).sum::<usize>(),
+        fitted.prepared.iter().map(fit::Prepared::len).sum::<usize>(),
         fitted.prepared.len(),
         fit.evaluations,
         fit.generations,
@@ -128,6 +139,13 @@ pub(super) fn print(common: &Common, fitted: &Fitted) -> Result<(), Failure> {
         output::end_words(fit),
         common.seed,
     ))?;
+    if let Some(score) = loop_score(fitted) {
+        let open = score.open_loop_rms.zip(fitted.rig.restart_s).map_or(String::new(), |(rms, seconds)| {
+            format!("; open loop over {seconds} s: {} rms", output::quantity(rms, "m"))
+        });
+        let error = score.force_error * 1e2;
+        output::print(&format!("force in closed loop: {error:.2} % of the recorded one is missed{open}"))?;
+    }
     output::print(&configuration(fitted))?;
     notes(fit).iter().try_for_each(|note| output::print(&format!("note: {note}")))
 }

@@ -60,11 +60,14 @@ impl InputOptions {
             return Err(Failure::usage(format!("--from {from} --to {to}: expected the first to be earlier")));
         }
         let columns = Mapping::parse(self.columns.iter().map(String::as_str)).map_err(Failure::usage)?;
-        let options = ReadOptions { columns, sample_rate_hz: self.rate, from_s: self.from, to_s: self.to };
         paths
             .iter()
             .map(|path| {
-                let loaded = record::read(path, &options)?;
+                let (path, own) = segment(path)?;
+                let [from_s, to_s] = own.unwrap_or([self.from, self.to]);
+                let options =
+                    ReadOptions { columns: columns.clone(), sample_rate_hz: self.rate, from_s, to_s };
+                let loaded = record::read(&path, &options)?;
                 for warning in &loaded.warnings {
                     output::log(common, &format!("warning: {warning}"));
                 }
@@ -74,10 +77,30 @@ impl InputOptions {
     }
 }
 
+/// A path and the segment of its record that is meant, in s: `axis.csv@0..12.4`, `axis.csv@12.4..`; none where the path
+/// has none, and where a file has the whole text as its name.
+fn segment(path: &Path) -> Result<(PathBuf, Option<[Option<f64>; 2]>), Failure> {
+    let text = path.to_string_lossy();
+    let split = text.rsplit_once('@').and_then(|(file, times)| Some((file, times.split_once("..")?)));
+    let Some((file, (from, to))) = split.filter(|_| !path.exists()) else {
+        return Ok((path.to_path_buf(), None));
+    };
+    let wrong = || Failure::usage(format!("`{text}`: expected FILE@FROM..TO in s, such as {file}@0..12.5"));
+    let time = |text: &str| match text.trim() {
+        "" => Ok(None),
+        text => text.parse::<f64>().map(Some).map_err(|_| wrong()),
+    };
+    let times = [time(from)?, time(to)?];
+    match times {
+        [Some(from), Some(to)] if from.is_nan() || to.is_nan() || from >= to => Err(wrong()),
+        _ => Ok((PathBuf::from(file), Some(times))),
+    }
+}
+
 /// Options of the verbs that fit records.
 #[derive(Clone, Debug, Args)]
 pub struct FitOptions {
-    /// Records (CSV, MAT, Parquet); several are fitted together.
+    /// Records (CSV, MAT, Parquet); several are fitted together. `FILE@FROM..TO` is a segment of one, in s.
     #[arg(required = true, value_name = "REC")]
     records: Vec<PathBuf>,
     #[command(flatten)]

@@ -88,6 +88,17 @@ fn a_window_of_a_record_is_a_record() {
     bench
         .run(&["identify", "record.csv", "--from", "0.98"])
         .refused(BAD_DATA, &["samples, expected at least 50"]);
+    // A segment of each file for itself: one half fitted, the other held out.
+    let result = bench.run(&["check", "record.csv@0.2..0.7", "record.csv@..0.3", "--json"]).done().json();
+    assert_eq!(result["records"][0]["samples"], 500);
+    assert_eq!(result["records"][1]["samples"], 300);
+    let halves = ["diagnose", "record.csv@..0.5", "--holdout", "record.csv@0.5..", "--json"];
+    let result = bench.run(&halves).done().json();
+    assert_eq!(result["config"]["records"][1], "record.csv@0.5..");
+    assert!(result["error"]["holdout"].is_object());
+    for wrong in ["record.csv@0.7..0.2", "record.csv@a..b"] {
+        bench.run(&["identify", wrong]).refused(USAGE, &[wrong, "expected FILE@FROM..TO"]);
+    }
 }
 
 #[test]

@@ -32,7 +32,7 @@ pub(crate) const CHANNEL_SETS: [ChannelSet; 3] = [
 type Change = fn(&mut Plant);
 
 /// What is outside the catalogue, and how the plant gets it.
-pub(crate) const OUTSIDE: [(&str, Change); 5] = [
+pub(crate) const OUTSIDE: [(&str, Change); 4] = [
     ("force of 800 N at 9 Hz", |plant| {
         plant.effects.disturbance = Tone { amplitude: 800.0, frequency: 9.0, phase: 0.3 };
     }),
@@ -40,9 +40,6 @@ pub(crate) const OUTSIDE: [(&str, Change); 5] = [
         plant.effects.disturbance = Tone { amplitude: 800.0, frequency: 2.2, phase: 0.3 };
     }),
     ("drift of the sensor of 10 um/s", |plant| plant.effects.sensor_drift = 1e-5),
-    ("detent of 800 N every 2 mm", |plant| {
-        (plant.effects.detent_force, plant.effects.detent_pitch) = (800.0, 2e-3);
-    }),
     ("load that grows by 300 N/s", |plant| plant.effects.ramp_load = 300.0),
 ];
 

@@ -17,6 +17,8 @@ pub(crate) fn values(effect: &EffectInfo, size: f64) -> Vec<(Parameter, f64)> {
             let value = match parameter {
                 Parameter::StepLoadTime => 0.5,
                 Parameter::MountDamping => 0.1,
+                Parameter::ThinningVelocity => 0.02,
+                Parameter::CoggingPitch => 2e-3,
                 Parameter::TorqueMotorGain | Parameter::SupplyRatio => info.default - size,
                 _ => info.default + size,
             };

@@ -1,7 +1,7 @@
 //! The document: rows of outcomes, and how they add up.
 
 use crate::cases::{CHANNEL_SETS, Case, ChannelSet, OUTSIDE, Outcome};
-use eha_monitor::effect::EFFECTS;
+use eha_monitor::effect::{EFFECTS, Port};
 use std::fmt::Write as _;
 
 /// Sizes of an effect alone, in its floors.
@@ -102,11 +102,11 @@ pub(crate) fn sections() -> Vec<Section> {
         Section {
             title: "One effect, at half, once and twice its floor",
             columns: &["effect", "channels", "half", "once", "twice"],
-            rows: shown(
-                CHANNEL_SETS
-                    .iter()
-                    .flat_map(|set| EFFECTS.iter().map(|effect| Row::single(effect.name, set))),
-            ),
+            // A valve drives these actuators.
+            rows: shown(CHANNEL_SETS.iter().flat_map(|set| {
+                let of_valve = EFFECTS.iter().filter(|effect| effect.port != Port::Drive);
+                of_valve.map(|effect| Row::single(effect.name, set))
+            })),
             is_right: |outcome| matches!(outcome, Outcome::Named(_)),
         },
         Section {

@@ -206,10 +206,18 @@ pub struct Effects {
     pub disturbance: Tone,
     /// Outside the catalogue: drift of the sensor (m/s).
     pub sensor_drift: f64,
-    /// Outside the catalogue: amplitude of a detent, a force that depends on the position in the cylinder (N).
+    /// `viscous-asymmetry`: viscous friction of retraction beyond that of extension (N s/m).
+    pub retraction_viscosity: f64,
+    /// `shear-thinning`: viscous friction at rest that shearing takes away (N s/m).
+    pub thinning_viscosity: f64,
+    /// `shear-thinning`: velocity at which half of it is left (m/s); must be set with `thinning_viscosity`.
+    pub thinning_velocity: f64,
+    /// `cogging`: amplitude of a detent, a force that depends on the position in the cylinder (N).
     pub detent_force: f64,
-    /// Outside the catalogue: pitch of the detent (m); must be set with `detent_force`.
+    /// `cogging`: pitch of the detent (m); must be set with `detent_force`.
     pub detent_pitch: f64,
+    /// `cogging`: phase of the detent at zero (rad).
+    pub detent_phase: f64,
 }
 
 /// A sinusoidal force `amplitude * sin(2*pi*frequency*t + phase)`.

@@ -268,9 +268,17 @@ impl Equations<'_> {
         // Jack, and the body of its cylinder. `drive` is what the cylinder does to the ram, dry friction apart.
         let v = s.ram_rate;
         let load = self.load(t, ram);
-        let detent =
-            if e.detent_force == 0.0 { 0.0 } else { e.detent_force * (TAU * s.ram / e.detent_pitch).sin() };
-        let drive = p.jack_area * pressure - p.jack_viscosity * v - e.quadratic_drag * v * v.abs() - detent;
+        let detent = match e.detent_force {
+            0.0 => 0.0,
+            force => force * (TAU * s.ram / e.detent_pitch + e.detent_phase).sin(),
+        };
+        let thinned = match e.thinning_viscosity {
+            0.0 => 0.0,
+            at_rest => at_rest / (1.0 + v.abs() / e.thinning_velocity),
+        };
+        let viscosity = p.jack_viscosity + if v < 0.0 { e.retraction_viscosity } else { 0.0 };
+        let damping = (viscosity.max(0.0) + thinned + e.quadratic_drag * v.abs()) * v;
+        let drive = p.jack_area * pressure - damping - detent;
         let (ram_mobility, body_mobility) = (1.0 / p.jack_mass, e.mount.map_or(0.0, |m| 1.0 / m.mass));
         let mount = e.mount.map_or(0.0, |m| m.stiffness * s.body + m.damping * s.body_rate);
         let acceleration = (drive - load) * ram_mobility + (drive + mount) * body_mobility;

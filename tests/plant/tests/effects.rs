@@ -7,7 +7,7 @@ use reference_plant::{
 #[test]
 fn every_effect_changes_the_record() {
     type Change = fn(&mut Parameters, &mut Effects);
-    let changes: [(&str, Change); 34] = [
+    let changes: [(&str, Change); 36] = [
         ("valve-offset", |p, _| p.valve_offset = 0.1),
         ("torque-motor-hysteresis", |p, _| p.motor_hysteresis = 0.1),
         ("torque-motor-gain", |p, _| p.motor_gain *= 0.9),
@@ -25,6 +25,8 @@ fn every_effect_changes_the_record() {
         ("stribeck", |_, e| e.stribeck_velocity = 5e-3),
         ("friction-asymmetry", |_, e| e.friction_asymmetry = 0.2),
         ("viscous-friction", |p, _| p.jack_viscosity = 5000.0),
+        ("viscous-asymmetry", |_, e| e.retraction_viscosity = 5000.0),
+        ("shear-thinning", |_, e| (e.thinning_viscosity, e.thinning_velocity) = (1e4, 0.02)),
         ("quadratic-drag", |_, e| e.quadratic_drag = 1e5),
         ("constant-load", |_, e| e.constant_load = 500.0),
         ("spring-load", |p, _| p.load_stiffness = 2e4),
@@ -40,7 +42,7 @@ fn every_effect_changes_the_record() {
         ("sensor-cubic", |_, e| e.sensor_cubic = 100.0),
         ("disturbance", |_, e| e.disturbance = Tone { amplitude: 200.0, frequency: 17.0, phase: 0.0 }),
         ("drift", |_, e| e.sensor_drift = 1e-4),
-        ("detent", |_, e| (e.detent_force, e.detent_pitch) = (200.0, 1e-3)),
+        ("cogging", |_, e| (e.detent_force, e.detent_pitch) = (200.0, 1e-3)),
         ("ramp and sine load", |_, e| {
             e.ramp_load = 1000.0;
             e.sine_load = Tone { amplitude: 100.0, frequency: 3.0, phase: 1.0 };
