@@ -103,11 +103,11 @@ pub trait Real: Scalar<Mask = bool> + PartialOrd {
         };
         let y = folded * Self::literal(core::f64::consts::TAU);
         let square = y * y;
+        // 1 over n (n + 1), the highest order first.
+        let factors = [420.0, 342.0, 272.0, 210.0, 156.0, 110.0, 72.0, 42.0, 20.0, 6.0].map(|n| 1.0 / n);
         let mut sum = Self::ONE;
-        let mut order: u32 = 20;
-        while order > 0 {
-            sum = Self::ONE - sum * square / Self::from_count(order * (order + 1));
-            order -= 2;
+        for factor in factors {
+            sum = Self::ONE - sum * square * Self::literal(factor);
         }
         sum * y
     }

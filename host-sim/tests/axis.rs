@@ -202,11 +202,22 @@ fn a_closed_loop_gives_its_parameters_back() {
     let record = simulated(&rig);
     let own = score(&rig, &record);
     assert!(own.force_error < 1e-3, "{own:?}");
-    let off =
-        |(parameter, value)| (parameter, value * if parameter == P::CoggingPitch { 1.001 } else { 1.1 });
-    let found = fitted(&axis(&truth.map(off)), &[&PLAIN[..], &EFFECTS].concat(), &record);
+    // What events hardly depend on starts a tenth off and comes back; the rest is known.
+    let free = [
+        P::LoadMass,
+        P::ConstantLoad,
+        P::RetractionViscosity,
+        P::ThinningViscosity,
+        P::CoggingCosine,
+        P::CoggingSine,
+        P::SpringLoad,
+    ];
+    let off = |(parameter, value)| (parameter, value * if free.contains(&parameter) { 1.1 } else { 1.0 });
+    let ranges: Vec<Range> =
+        PLAIN.iter().chain(&EFFECTS).copied().filter(|range| free.contains(&range.parameter)).collect();
+    let found = fitted(&axis(&truth.map(off)), &ranges, &record);
     for (parameter, value) in truth {
         let got = found.parameters.get(parameter);
-        assert!((got / value - 1.0).abs() < 0.05, "{parameter:?}: {got}, true {value}");
+        assert!((got / value - 1.0).abs() < 0.01, "{parameter:?}: {got}, true {value}");
     }
 }

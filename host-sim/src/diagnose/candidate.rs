@@ -15,7 +15,7 @@ const MOST_WIDENED: usize = 3;
 /// Times at which a step load is looked for.
 const STEP_TIMES: usize = 10;
 /// Where an effect is looked for, in its sizes: a play or a dead zone that is seen at one size is not linear in it.
-const ONE_SIDED: &[f64] = &[0.0, 0.3, 3.0];
+const ONE_SIDED: &[f64] = &[0.0, 0.03, 0.3, 3.0];
 /// The same for what can be on either side of its absence.
 const TWO_SIDED: &[f64] = &[-2.0, 0.0, 2.0];
 

@@ -267,17 +267,16 @@ impl Hypothesis {
                 .iter()
                 .filter(|earned| !self.earns(case, earned))
                 .min_by(|a, b| a.evidence.total_cmp(&b.evidence));
-            match weakest {
-                Some(weakest) => self = weakest.without.clone(),
-                None => {
-                    let reproduces = self.reproduces(case);
-                    let earned = earned
-                        .into_iter()
-                        .map(|earned| Earned { reproduces: reproduces(earned.effect), ..earned })
-                        .collect();
-                    return (self, earned);
-                }
+            if let Some(weakest) = weakest {
+                self = weakest.without.clone();
+                continue;
             }
+            let reproduces = self.reproduces(case);
+            let earned = earned
+                .into_iter()
+                .map(|earned| Earned { reproduces: reproduces(earned.effect), ..earned })
+                .collect();
+            return (self, earned);
         }
     }
 

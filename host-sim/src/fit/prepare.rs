@@ -21,8 +21,8 @@ const SETTLE_S: f64 = 0.1;
 const OFFSET_S: f64 = 0.5;
 /// Pieces that are cut from a long record, their length, s, and how much of it is not compared, s.
 const PIECES: usize = 8;
-const PIECE_S: f64 = 1.25;
-const PIECE_SETTLE_S: f64 = 0.25;
+const PIECE_S: f64 = 0.75;
+const PIECE_SETTLE_S: f64 = 0.15;
 /// Half width, in samples, of the line that gives position and velocity at a restart.
 const RESTART_REACH: usize = 12;
 

@@ -228,6 +228,25 @@ impl Job<'_> {
         Trace::new(&self.train, &prepared, &models)
     }
 
+    /// The errors of an axis whose controller is known.
+    fn closed_loop_text(&self, result: &Value, text: &mut String) {
+        let Some(rows) = result["closed_loop"].as_object().filter(|rows| !rows.is_empty()) else { return };
+        let window =
+            self.rig.restart_s.map_or(String::new(), |seconds| format!("; open loop over {seconds} s"));
+        let _ = writeln!(text, "\nforce in closed loop, error over recorded{window}:");
+        let number = |row: &Value, name: &str| row[name].as_f64().unwrap_or(f64::NAN);
+        for (name, row) in rows {
+            let name = if name == "train" { "fitted records" } else { "held-out records" };
+            for when in ["before", "after"] {
+                let force = number(row, &format!("{when}_force_error")) * 100.0;
+                let open = number(row, &format!("{when}_open_loop_rms_m"));
+                let _ = write!(text, "  {name:<17} {when:<7}{force:>8.2} %");
+                let open = if open.is_finite() { format!("{:>12.3} mm", open * 1e3) } else { String::new() };
+                let _ = writeln!(text, "{open}");
+            }
+        }
+    }
+
     pub(super) fn text(&self, diagnosis: &Diagnosis, result: &Value) -> String {
         let mut text = String::new();
         let um = |value: f64| format!("{:.3} um", value * 1e6);
@@ -277,23 +296,7 @@ impl Job<'_> {
                 );
             }
         }
-        if let Some(rows) = result["closed_loop"].as_object().filter(|rows| !rows.is_empty()) {
-            let window =
-                self.rig.restart_s.map_or(String::new(), |seconds| format!("; open loop over {seconds} s"));
-            let _ = writeln!(text, "\nforce in closed loop, error over recorded{window}:");
-            let number = |row: &Value, name: &str| row[name].as_f64().unwrap_or(f64::NAN);
-            for (name, row) in rows {
-                let name = if name == "train" { "fitted records" } else { "held-out records" };
-                for when in ["before", "after"] {
-                    let force = number(row, &format!("{when}_force_error")) * 100.0;
-                    let open = number(row, &format!("{when}_open_loop_rms_m"));
-                    let _ = write!(text, "  {name:<17} {when:<7}{force:>8.2} %");
-                    let open =
-                        if open.is_finite() { format!("{:>12.3} mm", open * 1e3) } else { String::new() };
-                    let _ = writeln!(text, "{open}");
-                }
-            }
-        }
+        self.closed_loop_text(result, &mut text);
         let mut table = output::table(["fault", "before", "after", "95 % interval", "mixed up with"]);
         for (fault, before) in diagnosis.faults.iter().zip(&diagnosis.before.estimates) {
             let info = fault.estimate.parameter.info();

@@ -77,9 +77,12 @@ impl InputOptions {
     }
 }
 
+/// First and last time of a segment, s; none: the record's own.
+type Segment = [Option<f64>; 2];
+
 /// A path and the segment of its record that is meant, in s: `axis.csv@0..12.4`, `axis.csv@12.4..`; none where the path
 /// has none, and where a file has the whole text as its name.
-fn segment(path: &Path) -> Result<(PathBuf, Option<[Option<f64>; 2]>), Failure> {
+fn segment(path: &Path) -> Result<(PathBuf, Option<Segment>), Failure> {
     let text = path.to_string_lossy();
     let split = text.rsplit_once('@').and_then(|(file, times)| Some((file, times.split_once("..")?)));
     let Some((file, (from, to))) = split.filter(|_| !path.exists()) else {

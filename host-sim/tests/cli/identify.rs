@@ -16,7 +16,7 @@ const FIXED: [&str; 9] = [
     "seed",
 ];
 /// Members beyond those.
-const ADDED: [&str; 4] = ["correlation", "mean_square", "stop", "warnings"];
+const ADDED: [&str; 5] = ["closed_loop", "correlation", "mean_square", "stop", "warnings"];
 
 fn sorted<'a>(lists: &[&[&'a str]]) -> Vec<&'a str> {
     let mut all = lists.concat();
