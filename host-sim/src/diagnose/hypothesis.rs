@@ -3,10 +3,11 @@
 use super::candidate::{self, Candidate, Prospect};
 use super::residual::{self, MEASURED, MODEL_ERROR};
 use super::{Case, RESIDUAL_LIMIT};
-use crate::fit::{self, Estimate, Fit, Polished, Prepared};
+use crate::fit::{self, Estimate, Fit, Polished};
 use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
+use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
 use rayon::prelude::*;
 
@@ -25,9 +26,6 @@ const CONFOUNDED: f64 = 5.0;
 const CLASS_EVIDENCE: f64 = 9.2;
 /// Rise of the held-out records' chi-square that chance explains (two standard deviations of one parameter).
 const HOLDOUT_CHANCE: f64 = 4.0;
-/// Standard errors within which fitted and held-out records must agree on an effect, and by which it must differ from
-/// its absence in each, to be named although something else is left: a chance of 0.3 %.
-const REPRODUCED_SIGMA: f64 = 3.0;
 /// Twice the logarithm of the odds (10^50 to 1) against a candidate beside the best that no held-out record makes up for.
 const HOPELESS: f64 = 230.0;
 /// Standard errors, over blocks of the records, that a gain must have where what is left is not noise.
@@ -55,8 +53,6 @@ pub(super) struct Earned {
     pub(super) effect: &'static EffectInfo,
     /// Twice the logarithm of the odds against the model without it.
     pub(super) evidence: f64,
-    /// Do fitted and held-out records, each for itself, give it the same size?
-    pub(super) reproduces: bool,
     /// The model without it.
     without: Hypothesis,
 }
@@ -104,10 +100,15 @@ impl Hypothesis {
         self.joint.misfit.mean_square().max(1.0)
     }
 
-    /// Share of another model's misfit beyond noise that this one takes away.
+    /// Share of another model's misfit beyond noise that this one takes away, of the fitted records and of all: the
+    /// smaller one. Records that the other model leaves noise on do not count.
     pub(super) fn share_of(&self, other: &Self) -> f64 {
-        let excess = |model: &Self| (model.joint.misfit.mean_square() - 1.0).max(0.0);
-        1.0 - excess(self) / excess(other).max(f64::MIN_POSITIVE)
+        let share = |own: &Misfit<f64>, other: &Misfit<f64>| {
+            let excess = |misfit: &Misfit<f64>| misfit.mean_square() - 1.0;
+            let noise = RESIDUAL_LIMIT * (2.0 / f64::from(other.count)).sqrt();
+            if excess(other) > noise { 1.0 - excess(own) / excess(other) } else { 1.0 }
+        };
+        share(&self.train.misfit, &other.train.misfit).min(share(&self.joint.misfit, &other.joint.misfit))
     }
 
     /// Chi-square of all records in units of `scale`, with a price on every added parameter.
@@ -255,7 +256,7 @@ impl Hypothesis {
                 .map(|effect| {
                     let without = self.without(case, effect, known);
                     let gain = (without.joint.misfit.chi_square - self.joint.misfit.chi_square) / scale;
-                    Earned { effect, evidence: gain - self.price(effect, scale), reproduces: false, without }
+                    Earned { effect, evidence: gain - self.price(effect, scale), without }
                 })
                 .collect();
             for new in earned.iter().map(|earned| &earned.without) {
@@ -271,11 +272,6 @@ impl Hypothesis {
                 self = weakest.without.clone();
                 continue;
             }
-            let reproduces = self.reproduces(case);
-            let earned = earned
-                .into_iter()
-                .map(|earned| Earned { reproduces: reproduces(earned.effect), ..earned })
-                .collect();
             return (self, earned);
         }
     }
@@ -289,44 +285,6 @@ impl Hypothesis {
             && harm < HOLDOUT_CHANCE
             && self.matters_against(case, without)
             && (self.leaves_noise(case) || self.gains_everywhere(case, without))
-    }
-
-    /// Tells for an effect whether fitted and held-out records, each fitted for itself, say the same of it: each that
-    /// it is there, and both the same size, within errors that allow for a residual which is not noise.
-    fn reproduces(&self, case: &Case<'_>) -> impl Fn(&EffectInfo) -> bool + use<> {
-        let alone = |records: &[Prepared], start: &[f64]| {
-            if records.is_empty() {
-                return None;
-            }
-            let fit = fit::polish(&self.rig, &self.ranges, start, records)?;
-            let predictions = fit::predict(&fit.applied(&self.rig, &self.ranges), records);
-            let inflation = super::inflation(records, &predictions, &fit.misfit);
-            Some((fit, inflation.sqrt()))
-        };
-        let fits = alone(case.train(), &self.train.values).zip(alone(case.holdout(), &self.joint.values));
-        let ranges = self.ranges.clone();
-        let absent = case.rig.parameters;
-        move |effect| {
-            let Some(((train, by), (holdout, held_by))) = &fits else { return false };
-            let of_effect =
-                || (0..ranges.len()).filter(|&index| effect.parameters.contains(&ranges[index].parameter));
-            let errors =
-                |index: usize| (train.standard_error(index) * by, holdout.standard_error(index) * held_by);
-            let agrees = |index: usize| {
-                let (error, held) = errors(index);
-                let apart = (train.values[index] - holdout.values[index]).abs();
-                apart <= REPRODUCED_SIGMA * error.hypot(held)
-            };
-            let is_there = |index: usize| {
-                let (error, held) = errors(index);
-                let size = |values: &[f64]| values[index] - absent.get(ranges[index].parameter);
-                let (here, there) = (size(&train.values), size(&holdout.values));
-                here * there > 0.0
-                    && here.abs() > REPRODUCED_SIGMA * error
-                    && there.abs() > REPRODUCED_SIGMA * held
-            };
-            of_effect().all(agrees) && of_effect().any(is_there)
-        }
     }
 
     /// Does it change the prediction of a record by more than the model's own error, or move a fault by more than its

@@ -263,8 +263,7 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned], o
         (true, false) => Verdict::Explained,
         (false, _) => Verdict::Unexplained,
     };
-    // Effects that leave much of the misfit are a help for prediction, not a name for what is there, unless their sign
-    // and size are the same wherever one looks.
+    // Effects that leave much of the misfit are a help for prediction, not a name for what is there.
     let excess = |misfit: &Misfit<f64>| (misfit.mean_square() - 1.0).max(0.0);
     let explains = excess(&best.train.misfit) < (1.0 - NAMING_SHARE) * excess(&before.misfit);
     let inflation = if noise_only { 1.0 } else { inflation(case.train(), &predictions, &best.train.misfit) };
@@ -278,7 +277,7 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned], o
                 .chain(others.iter().filter_map(|other| other.added.last().copied()))
                 .collect(),
             evidence: earned.evidence,
-            named: noise_only || explains || earned.reproduces,
+            named: noise_only || explains,
             estimates: estimates
                 .iter()
                 .filter(|estimate| earned.effect.parameters.contains(&estimate.parameter))

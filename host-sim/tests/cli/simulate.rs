@@ -36,7 +36,7 @@ fn every_command_runs() {
 #[test]
 fn every_effect_runs_and_changes_the_record() {
     let bench = Bench::new();
-    let short = ["--model", "lf", "--duration", "0.2", "--amplitude", "0.02"];
+    let short = ["--model", "lf", "--command", "sine", "--duration", "0.3", "--amplitude", "0.02"];
     bench.simulate("plain.csv", &short);
     let values = |name: &str| {
         let text = bench.read(name);
