@@ -16,7 +16,7 @@ use crate::parameter::Reach;
 
 /// Samples that one motion walks before the next one follows: more would save what a change of model costs, and take
 /// more of the monitor's memory than its budget has.
-const CHUNK: usize = 11;
+const CHUNK: usize = 9;
 /// Width of the forward difference, in genes.
 const DIFFERENCE: f32 = 2e-3;
 
