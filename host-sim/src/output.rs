@@ -161,7 +161,12 @@ pub fn out_path(common: &Common, name: &str) -> Option<PathBuf> {
     common.out.as_ref().map(|directory| directory.join(name))
 }
 
-/// Three or four significant digits with a unit that reads well: metres as mm or um.
+/// A number of things, in words.
+pub fn counted(count: usize, thing: &str) -> String {
+    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
+}
+
+/// Three or more significant digits with a unit that reads well: metres as mm or um.
 pub fn quantity(value: f64, unit: &str) -> String {
     if !value.is_finite() {
         return "-".to_owned();
@@ -171,6 +176,7 @@ pub fn quantity(value: f64, unit: &str) -> String {
         "m" => format!("{:.3} um", value * 1e6),
         "1" => format!("{value:.4}"),
         _ if value != 0.0 && !(1e-2..1e6).contains(&value.abs()) => format!("{value:.4e} {unit}"),
+        _ if value != 0.0 && value.abs() < 0.1 => format!("{value:.4} {unit}"),
         _ => format!("{value:.3} {unit}"),
     }
 }

@@ -2,14 +2,16 @@
 
 use crate::failure::Failure;
 use crate::record::Record;
+use crate::rig::Rig;
 use eha_monitor::channel::Channel;
 use eha_monitor::command::{Command, CommandInfo};
+use eha_monitor::fit::problem::{Record as Flight, Start};
+use eha_monitor::fit::walk::Walk;
 use eha_monitor::integrate::Stepper;
 use eha_monitor::integrate::midpoint::Midpoint;
-use eha_monitor::model::state::{Input, InputSegment, Outputs};
+use eha_monitor::model::drive::Law;
+use eha_monitor::model::state::Outputs;
 use eha_monitor::model::{Drive, Form, Model};
-use eha_monitor::parameter::Parameters;
-use eha_monitor::simulate::Actuator;
 use rand_distr::{Distribution, Normal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
@@ -55,37 +57,36 @@ pub struct Sensing {
     pub dropout: f64,
 }
 
-/// Runs a model through an excitation, from rest at the first commanded position, in steps of at most `step` s.
-pub fn run(
-    form: Form,
-    parameters: &Parameters<f64>,
-    excitation: &Excitation,
-    step: f64,
-) -> Vec<Outputs<f64>> {
-    let period = excitation.sample_period;
-    let actuator = Actuator::new(Model::new(form, parameters), period);
-    let force = |index: usize| {
-        let value = |series: &[f64]| series.get(index).copied().unwrap_or(0.0);
-        value(&excitation.drive) - value(&excitation.load)
+/// Runs a rig's model through an excitation, from rest at the first commanded position, in steps of at most `step` s.
+/// A known controller drives it in place of the excitation's force.
+pub fn run(rig: &Rig, excitation: &Excitation, step: f64) -> Vec<Outputs<f64>> {
+    let drive = if rig.controller.is_some() { &[][..] } else { &excitation.drive };
+    let value = |series: &[f64], sample: usize| series.get(sample).copied().unwrap_or(0.0);
+    let force: Vec<f64> = (0..excitation.command.len())
+        .map(|sample| value(drive, sample) - value(&excitation.load, sample))
+        .collect();
+    let start = Start { ram: value(&excitation.command, 0), ..Start::default() };
+    let flight = Flight {
+        force: &force,
+        holds: rig.drive_holds,
+        law: rig.controller,
+        ..Flight::new(excitation.sample_period, &excitation.command, &start)
     };
     let mut stepper = Midpoint::new(step);
-    stepper.begin(period, true, true);
-    let first = excitation.command.first().copied().unwrap_or(0.0);
-    let input = Input { command: first, command_rate: 0.0, force: force(0) };
-    let mut motion = actuator.at_rest(first, &input);
-    let mut outputs = Vec::with_capacity(excitation.command.len());
-    outputs.push(actuator.measure(&mut motion, &input));
-    for index in 1..excitation.command.len() {
-        let segment = InputSegment::between(
-            [excitation.command[index - 1], excitation.command[index]],
-            [force(index - 1), force(index)],
-            (index - 1) as f64 * period,
-            1.0 / period,
-        );
-        actuator.advance(&mut stepper, &mut motion, &segment);
-        outputs.push(actuator.measure(&mut motion, &segment.at(period)));
-    }
-    outputs
+    stepper.begin(excitation.sample_period, true, true);
+    let mut walk = Walk::new(&Model::new(rig.form, &rig.parameters), &flight);
+    std::iter::from_fn(|| walk.next(&flight, &mut stepper)).map(|(_, outputs)| outputs).collect()
+}
+
+/// The force that a known controller asked for along a run that started at rest, N.
+pub fn asked(law: &Law<f64>, excitation: &Excitation, outputs: &[Outputs<f64>]) -> Vec<f64> {
+    let before = [outputs.first(), outputs.first()].into_iter().flatten().chain(outputs);
+    let samples = excitation.command.iter().zip(outputs).zip(before);
+    samples
+        .map(|((command, now), before)| {
+            law.force(*command, now.ram, before.ram, 1.0 / excitation.sample_period)
+        })
+        .collect()
 }
 
 /// The record that the sensors make of a run.

@@ -16,5 +16,6 @@ mod cli {
     mod shell;
     mod simulate;
     mod streams;
+    mod terminal;
     mod usage;
 }

@@ -18,7 +18,7 @@ use eha_monitor::link::message::{FAULTS, FromMonitor, ReportMessage, SAMPLES, Se
 use eha_monitor::link::station::Station;
 use eha_monitor::model::Model;
 use eha_monitor::model::state::BASE_ORDER;
-use eha_monitor::monitor::config::{Config, Fault};
+use eha_monitor::monitor::config::{Config, ConfigError, Fault};
 use eha_monitor::parameter::Parameter;
 use eha_monitor::trial::SensorNoise;
 use line::Line;
@@ -35,6 +35,32 @@ const POPULATION: usize = 20;
 const SLOTS: usize = 8;
 /// Steps of the model that the monitor may take for each sample: an eighth of the processor at 480 MHz.
 pub const STEPS_PER_SAMPLE: u16 = 100;
+
+/// Why a monitor refuses what it is told, in words.
+fn refusal(error: ConfigError) -> String {
+    let name = |parameter: Parameter| parameter.info().name;
+    match error {
+        ConfigError::SamplePeriod => "takes a sample every 0.1 to 10 ms".to_owned(),
+        ConfigError::Noise => "needs the noise of the position, and a positive one".to_owned(),
+        ConfigError::FalseAlarmRate => "takes a rate of false alarms between 0 and 1".to_owned(),
+        ConfigError::Range(parameter) => format!(
+            "watches `{}` only within its range, with a healthy value below the alarmed one",
+            name(parameter)
+        ),
+        ConfigError::Reach(parameter) => format!(
+            "cannot watch `{}`: every value of it needs transition matrices of its own",
+            name(parameter)
+        ),
+        ConfigError::Input => {
+            "has a position command and no other input: no actuator that is driven by a force \
+                               (with or without a [controller]), no step load"
+                .to_owned()
+        }
+        ConfigError::Parameter(parameter) => {
+            format!("refuses the value of `{}`, which is out of its range", name(parameter))
+        }
+    }
+}
 
 /// The host's station.
 type Twin = Station<Exact<f32, BASE_ORDER, SLOTS>, WINDOW, POPULATION>;
@@ -128,7 +154,7 @@ impl Session {
     pub fn check(&self) -> Result<(), Failure> {
         self.config
             .check()
-            .map_err(|error| Failure::usage(format!("the monitor refuses this rig: {error:?}")))?;
+            .map_err(|error| Failure::usage(format!("the firmware's monitor {}", refusal(error))))?;
         let model = Model::new(self.config.form, &self.config.parameters);
         if !model.is_affine() || model.order() != BASE_ORDER {
             return Err(Failure::usage(

@@ -2,8 +2,9 @@
 
 use crate::failure::Failure;
 use crate::record::Record;
+use crate::rig::unknown;
 use eha_monitor::channel::Channel;
-use eha_monitor::command::{Command, CommandInfo};
+use eha_monitor::command::{COMMANDS, Command, CommandInfo};
 use eha_monitor::integrate::Stepper;
 use eha_monitor::integrate::midpoint::Midpoint;
 use eha_monitor::model::state::{Input, InputSegment};
@@ -69,7 +70,7 @@ impl Simulated {
     /// No command has that name, or a noise is no standard deviation.
     pub fn samples(&self) -> Result<Vec<[f32; 3]>, Failure> {
         let info = CommandInfo::named(&self.command).ok_or_else(|| {
-            Failure::usage(format!("no command `{}`: see `host-sim commands`", self.command))
+            Failure::usage(unknown("command", &self.command, COMMANDS.iter().map(|row| row.name)))
         })?;
         let command = Command::<f64>::new(info);
         let noise = |deviation| Normal::new(0.0, deviation).map_err(Failure::usage);

@@ -2,11 +2,12 @@
 
 use crate::failure::Failure;
 use crate::fit::{self, Prepared};
+use crate::output::quantity;
 use crate::plant::Excitation;
 use crate::record::Record;
 use crate::rig::{Range, Rig};
 use eha_monitor::channel::Channel;
-use eha_monitor::command::{COMMANDS, Command, CommandInfo};
+use eha_monitor::command::{COMMANDS, Command, CommandInfo, Shape};
 use eha_monitor::model::Drive;
 use rayon::prelude::*;
 
@@ -54,7 +55,43 @@ pub struct Trial {
 /// Share of samples at the limit of the current up to which a command is recommended.
 const SATURATION: f64 = 0.01;
 
+/// Trials that are shown to people.
+pub const SHOWN: usize = 8;
+
+/// Share of its range below which the 95 % interval of a parameter is called narrow, and fair.
+const NARROW: f64 = 0.01;
+const FAIR: f64 = 0.1;
+
+/// How well a parameter would be known.
+pub fn grade(range: &Range, standard_error: f64) -> &'static str {
+    let share = 2.0 * 1.96 * standard_error / (range.upper - range.lower);
+    match share {
+        _ if share < NARROW => "narrow",
+        _ if share < FAIR => "fair",
+        _ => "poor",
+    }
+}
+
 impl Trial {
+    /// Unit of the amplitude.
+    pub fn amplitude_unit(&self) -> &'static str {
+        if self.command.shape == Shape::Ramp { "m/s" } else { "m" }
+    }
+
+    /// The amplitude in words; a dash where the shape fixes it.
+    pub fn amplitude_text(&self) -> String {
+        if self.amplitude > 0.0 { quantity(self.amplitude, self.amplitude_unit()) } else { "-".to_owned() }
+    }
+
+    /// The command with its amplitude, where it has one.
+    pub fn name(&self) -> String {
+        if self.amplitude > 0.0 {
+            format!("{} {}", self.command.name, self.amplitude_text())
+        } else {
+            self.command.name.to_owned()
+        }
+    }
+
     /// Does it keep the current at its limit for more than a moment?
     pub fn saturates(&self) -> bool {
         self.saturated_share > SATURATION

@@ -2,8 +2,57 @@
 
 pub mod excitation;
 
+use crate::fit;
 use crate::record::Record;
+use crate::rig::{Range, Rig};
 use eha_monitor::channel::{Channel, ChannelRole};
+use excitation::{Promise, Question, Trial};
+
+/// A record, and everything that is said of it.
+#[derive(Clone, Debug)]
+pub struct Inspection {
+    /// The record.
+    pub record: Record,
+    /// What it shows.
+    pub facts: Facts,
+    /// What sets of channels promise.
+    pub promises: Vec<Promise>,
+    /// What the built-in commands promise, best first.
+    pub trials: Vec<Trial>,
+    /// How many times smaller standard errors the best command gives, where one can be recommended.
+    pub best_gain: Option<f64>,
+}
+
+/// Gain from which on another command is recommended.
+const WORTH_FLYING: f64 = 1.2;
+
+impl Inspection {
+    /// Looks at a record; `ranges` are the parameters that somebody wants to know.
+    pub fn new(rig: &Rig, ranges: &[Range], record: Record) -> Self {
+        let noise = fit::noise_of(rig, &record);
+        let question = Question { rig, ranges, noise };
+        let promises = question.of_record(&record);
+        let trials = question.of_commands(&record);
+        let own = promises.iter().filter(|promise| promise.recorded);
+        let own = own.map(|promise| question.badness(&promise.standard_errors)).fold(f64::INFINITY, f64::min);
+        let best_gain = trials
+            .first()
+            .filter(|best| !best.saturates())
+            .map(|best| (own - question.badness(&best.standard_errors)).exp());
+        Self { facts: facts(&record, &noise), promises, trials, best_gain, record }
+    }
+
+    /// What to fly next.
+    pub fn advice(&self) -> String {
+        match (self.best_gain, self.trials.first()) {
+            (Some(gain), Some(best)) if gain > WORTH_FLYING => format!(
+                "`{}` would give standard errors {gain:.1} times smaller (geometric mean of the faults)",
+                best.name()
+            ),
+            _ => "no built-in command does much better than this record".to_owned(),
+        }
+    }
+}
 
 /// A channel of a record.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,8 +122,7 @@ pub fn facts(record: &Record, noise: &[f64]) -> Facts {
     let channels: Vec<ChannelFacts> =
         record.channels().map(|(channel, values)| channel_facts(record, channel, values, noise)).collect();
     let position = record.channel(Channel::UserPosition).unwrap_or_default();
-    let command = record.channel(Channel::Command).unwrap_or_default();
-    let response = response(command, position, record.sample_period_s());
+    let response = response(&likeness(record), record.sample_period_s());
     let motion = motion(position, record.sample_period_s(), noise[0]);
     let notes = notes(record, &channels, response, motion);
     Facts { channels, response, motion, notes }
@@ -89,41 +137,54 @@ fn range(values: &[f64]) -> [f64; 2] {
         .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
 }
 
+/// Does a sample rest on an extreme of its channel? One is always on each; a limit shows as a run of equal values.
+pub fn rests(values: &[f64]) -> Vec<bool> {
+    let [low, high] = range(values);
+    values
+        .chunk_by(|a, b| a == b)
+        .flat_map(|run| {
+            let rests = run.len() >= 3 && (run[0] == low || run[0] == high);
+            std::iter::repeat_n(rests, run.len())
+        })
+        .collect()
+}
+
 fn channel_facts(record: &Record, channel: Channel, values: &[f64], noise: &[f64]) -> ChannelFacts {
     let measured = Channel::MEASURED.into_iter().position(|known| known == channel);
     let gaps = values.chunk_by(|a, b| a.is_nan() == b.is_nan()).filter(|run| run[0].is_nan());
-    let [low, high] = range(values);
-    // One sample is always on each extreme; a limit shows as a run of equal values.
-    let resting = values
-        .chunk_by(|a, b| a == b)
-        .filter(|run| run.len() >= 3 && (run[0] == low || run[0] == high))
-        .map(<[f64]>::len)
-        .sum::<usize>();
+    let resting = rests(values).into_iter().filter(|&rests| rests).count();
     ChannelFacts {
         channel,
-        range: [low, high],
+        range: range(values),
         noise: measured.map(|index| noise[index]).filter(|noise| noise.is_finite()),
-        quantum: if measured.is_some() { crate::fit::quantum(values) } else { 0.0 },
+        quantum: if measured.is_some() { fit::quantum(values) } else { 0.0 },
         missing: record.missing_count(channel),
         longest_gap_s: gaps.map(<[f64]>::len).max().unwrap_or(0) as f64 * record.sample_period_s(),
         saturated_share: resting as f64 / values.len().max(1) as f64,
     }
 }
 
-fn response(command: &[f64], position: &[f64], period: f64) -> Option<Response> {
+/// Correlation of the position with the command so many samples before, from none on; empty where the command does not
+/// move.
+pub fn likeness(record: &Record) -> Vec<f64> {
+    let position = record.channel(Channel::UserPosition).unwrap_or_default();
+    let command = record.channel(Channel::Command).unwrap_or_default();
     let [low, high] = range(command);
     if low >= high {
-        return None;
+        return Vec::new();
     }
-    let most = ((LONGEST_DELAY_S / period) as usize).min(position.len() / 4);
-    let likeness: Vec<f64> = (0..=most).map(|delay| correlation(&position[delay..], command)).collect();
+    let most = ((LONGEST_DELAY_S / record.sample_period_s()) as usize).min(position.len() / 4);
+    (0..=most).map(|delay| correlation(&position[delay..], command)).collect()
+}
+
+fn response(likeness: &[f64], period: f64) -> Option<Response> {
     let highest = likeness.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     // Of a periodic command every period is as good: the first top that is about as high.
     let is_top = |&delay: &usize| {
         let next = likeness.get(delay + 1).copied().unwrap_or(f64::NEG_INFINITY);
         likeness[delay] >= next && likeness[delay] > highest - ABOUT_AS_HIGH
     };
-    let best = (0..=most).find(is_top)?;
+    let best = (0..likeness.len()).find(is_top)?;
     // The top of the parabola through the best delay and its neighbours.
     let shift = match (best.checked_sub(1).map(|before| likeness[before]), likeness.get(best + 1)) {
         (Some(before), Some(after)) if before + after < 2.0 * likeness[best] => {
@@ -248,8 +309,13 @@ mod tests {
         let wave = |t: f64| (std::f64::consts::TAU * 2.0 * t).sin();
         let command: Vec<f64> = (0..2000).map(|k| wave(f64::from(k) * 1e-3)).collect();
         let position: Vec<f64> = (0..2000).map(|k| 0.9 * wave(f64::from(k) * 1e-3 - 0.0123)).collect();
-        let found = response(&command, &position, 1e-3).unwrap();
+        let record = |command: &[f64], position: &[f64]| {
+            let channels = [(Channel::Command, command), (Channel::UserPosition, position)];
+            let channels = channels.map(|(channel, values)| (channel, values.to_vec()));
+            Record::new("wave", 1e-3, 0.0, channels.to_vec()).unwrap()
+        };
+        let found = response(&likeness(&record(&command, &position)), 1e-3).unwrap();
         assert!((found.delay_s - 0.0123).abs() < 2e-4 && found.correlation > 0.999, "{found:?}");
-        assert_eq!(response(&[0.0; 100], &[1.0; 100], 1e-3), None);
+        assert!(likeness(&record(&[0.0; 2000], &position)).is_empty());
     }
 }

@@ -8,6 +8,7 @@ use eha_monitor::channel::{CHANNELS, Channel};
 mod csv;
 mod csv_writer;
 mod error;
+mod guard;
 mod mapping;
 mod mat;
 mod parquet;

@@ -7,6 +7,7 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::{Field as Cell, Row};
 
 use super::error::{Field, Problem, RecordError};
+use super::guard::guarded;
 use super::table::{Series, Table};
 use super::time_base::Resolution;
 use super::{Loaded, ReadOptions};
@@ -19,6 +20,10 @@ use super::{Loaded, ReadOptions};
 /// numbers, and the checks of [`Record`](super::Record) and of its time.
 pub fn read_parquet_with(path: &Path, options: &ReadOptions) -> Result<Loaded, RecordError> {
     let file = &path.display().to_string();
+    guarded(file, Problem::BadParquet, || decoded(file, path, options))
+}
+
+fn decoded(file: &str, path: &Path, options: &ReadOptions) -> Result<Loaded, RecordError> {
     let broken = |error: ParquetError| RecordError::new(file, Problem::BadParquet(error.to_string()));
     let source = std::fs::File::open(path).map_err(|error| RecordError::new(file, Problem::Io(error)))?;
     let reader = SerializedFileReader::new(source).map_err(broken)?;
@@ -55,7 +60,7 @@ pub fn read_parquet_with(path: &Path, options: &ReadOptions) -> Result<Loaded, R
         })
         .collect();
     let table = Table {
-        file: file.clone(),
+        file: file.to_owned(),
         lines: None,
         resolution: Resolution::EXACT,
         series,

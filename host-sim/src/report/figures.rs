@@ -58,7 +58,7 @@ impl Compared<'_> {
     }
 }
 
-fn heights(layers: &[Layer]) -> impl Iterator<Item = f64> {
+pub(super) fn heights(layers: &[Layer]) -> impl Iterator<Item = f64> {
     layers.iter().flat_map(|layer| match layer {
         Layer::Curve(_, points) | Layer::Dots(_, points) | Layer::Stems(_, points) => {
             points.iter().map(|point| point[1]).collect::<Vec<_>>()
@@ -79,12 +79,12 @@ pub(super) fn record(compared: &Compared<'_>, channel: usize) -> Markup {
         compared.time(compared.prepared.measured(channel).iter().copied()),
     )];
     let mut legend = vec![(Role::Measured, "measured".to_owned())];
-    if let Some((_, name, outputs)) = compared.models.last() {
+    if let Some((role, name, outputs)) = compared.models.last() {
         layers.push(Layer::Curve(
-            Role::Model,
+            *role,
             compared.time(outputs.iter().map(|output| output.to_array()[channel])),
         ));
-        legend.push((Role::Model, (*name).to_owned()));
+        legend.push((*role, (*name).to_owned()));
     }
     if channel == 0 {
         layers
@@ -109,12 +109,14 @@ pub(super) fn record(compared: &Compared<'_>, channel: usize) -> Markup {
         layers.push(Layer::Curve(*role, compared.time(compared.residual(outputs, channel))));
         legend.push((*role, (*name).to_owned()));
     }
+    // Again on top, where a long record hides the shading.
+    layers.extend([-1.96, 1.96].map(|normal| Layer::Level(normal * noise)));
     let residual = Plot {
         title: format!("{}: residual of the {what}", compared.name),
         legend,
         ramp: None,
         note: format!(
-            "Measured minus predicted. Shaded: 95 % of white noise of {}.",
+            "Measured minus predicted. Shaded, between the dashed lines: 95 % of white noise of {}.",
             shown(noise, info.unit)
         ),
         x,
@@ -290,7 +292,7 @@ fn follows(
                 name: if place == 0 { (*name).to_owned() } else { String::new() },
                 role: *role,
                 shape: Shape::Point(value, [value - band, value + band]),
-                text: format!("{value:+.2}").replace('-', "−"),
+                text: signed(value),
             });
         }
     }
@@ -328,7 +330,7 @@ pub(super) fn convergence(visits: &[Visit], population: usize, wide: bool) -> Ma
         legend: vec![(Role::Model, "best".to_owned()), (Role::Before, "Gauss-Newton finish".to_owned())],
         ramp: None,
         note: "Shaded: best to worst of the population. 1 is a residual that is just the noise.".to_owned(),
-        x: Axis::between("generation", "1", 0.0, last.max(1.0)),
+        x: Axis::between("generation", "1", 0.0, 1.02 * last.max(1.0)),
         y: Axis::decades("residual over noise, rms", "1", heights(&layers)),
         layers,
         wide,
@@ -457,6 +459,12 @@ pub(super) fn estimates(fits: &[(Role, &str, Vec<&Estimate>)]) -> Markup {
     } }
 }
 
+/// A correlation with its sign; one that is too small to show has none.
+fn signed(correlation: f64) -> String {
+    let text = format!("{correlation:+.3}").replace('-', "−");
+    if text.ends_with("0.000") { "0.000".to_owned() } else { text }
+}
+
 /// How the estimates of a fit hang together, as a coloured matrix.
 pub(super) fn correlation_matrix(fit: &Fit) -> Markup {
     let names: Vec<&str> = fit.estimates.iter().map(|estimate| estimate.parameter.info().name).collect();
@@ -471,7 +479,7 @@ pub(super) fn correlation_matrix(fit: &Fit) -> Markup {
                         @let strength = if value.is_finite() { (value.abs() * 60.0).round() } else { 0.0 };
                         @let colour = if value < 0.0 { "before" } else { "model" };
                         td { span style=(format!("background: color-mix(in srgb, var(--{colour}) {strength}%, transparent)")) {
-                            (if value.is_finite() { format!("{value:+.3}").replace('-', "−") } else { "-".to_owned() })
+                            (if value.is_finite() { signed(value) } else { "-".to_owned() })
                         } }
                     }
                 } } }

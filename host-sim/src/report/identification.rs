@@ -64,8 +64,8 @@ pub(crate) fn identification(result: &Identified<'_>) -> String {
         "search",
         format!("{} evaluations", fit.evaluations),
         format!(
-            "{} generations, {:.2} ms each; {}; {:.3} s",
-            fit.generations,
+            "{}, {:.2} ms each; {}; {:.3} s",
+            output::counted(fit.generations as usize, "generation"),
             fit.seconds_per_generation * 1e3,
             output::end_words(fit),
             fit.seconds
@@ -83,9 +83,8 @@ pub(crate) fn identification(result: &Identified<'_>) -> String {
         title: result.title,
         badge: None,
         summary: format!(
-            "{samples} samples in {} record{} against the rig {}.",
-            result.records.len(),
-            if result.records.len() == 1 { "" } else { "s" },
+            "{samples} samples in {} against the rig {}.",
+            output::counted(result.records.len(), "record"),
             result.rig.name
         ),
         tiles,

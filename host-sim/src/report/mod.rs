@@ -1,7 +1,7 @@
 //! Reports for people: one HTML file that needs no network, with inline SVG.
 //!
 //! ```text
-//! identification.rs, diagnosis.rs, reproduction.rs    what a verb's report says
+//! identification.rs, diagnosis.rs, reproduction.rs, inspection.rs    what a verb's report says
 //!        |-- figures.rs      figures from records, residuals, searches, estimates
 //!        |       |-- statistics.rs, surface.rs    what is computed for them
 //!        |       `-- plot.rs, rows.rs, scale.rs   how they are drawn
@@ -11,6 +11,7 @@
 mod diagnosis;
 mod figures;
 mod identification;
+mod inspection;
 mod page;
 mod plot;
 mod reproduction;
@@ -21,6 +22,7 @@ mod surface;
 
 pub(crate) use diagnosis::{Diagnosed, diagnosis};
 pub(crate) use identification::{Identified, identification};
+pub(crate) use inspection::inspection;
 pub(crate) use reproduction::{Portrait, Reproduced, reproduction};
 
 /// Name of a report in the output directory.

@@ -1,5 +1,7 @@
 //! The page around the figures: one HTML file that needs nothing else.
 
+use super::scale::shown;
+use eha_monitor::parameter::Parameter;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde_json::Value;
 
@@ -84,14 +86,21 @@ impl Page<'_> {
     }
 }
 
-/// A table as a card; columns from the second on are aligned to the right.
+/// A table as a card; columns of numbers are aligned to the right.
 pub(super) fn table(title: &str, note: &str, header: &[&str], rows: &[Vec<String>], wide: bool) -> Markup {
+    let is_number =
+        |cell: &str| cell.trim_start_matches(['-', '−', '+']).starts_with(|c: char| c.is_ascii_digit());
+    let is_text = |column: usize| {
+        let mut cells = rows.iter().filter_map(|row| row.get(column)).filter(|cell| *cell != "-").peekable();
+        cells.peek().is_some() && !cells.any(|cell| is_number(cell))
+    };
+    let text: Vec<bool> = (0..header.len()).map(is_text).collect();
     html! {
         figure.card .wide[wide] {
             figcaption { span.title { (title) } }
             div.scroll { table {
-                thead { tr { @for name in header { th { (name) } } } }
-                tbody { @for row in rows { tr { @for cell in row { td { (cell) } } } } }
+                thead { tr { @for (name, &text) in header.iter().zip(&text) { th.text[text] { (name) } } } }
+                tbody { @for row in rows { tr { @for (cell, &text) in row.iter().zip(&text) { td.text[text] { (cell) } } } } }
             } }
             @if !note.is_empty() { p.note { (note) } }
         }
@@ -113,6 +122,14 @@ fn configuration(config: &Value) -> Markup {
     }
 }
 
+/// The value of a parameter with its unit; of anything else, the value.
+fn with_unit(name: &str, value: &Value) -> String {
+    match (Parameter::named(name), value.as_f64()) {
+        (Some(parameter), Some(value)) => shown(value, parameter.info().unit),
+        _ => in_words(value),
+    }
+}
+
 /// A JSON value without the marks of the notation.
 fn in_words(value: &Value) -> String {
     match value {
@@ -125,11 +142,13 @@ fn in_words(value: &Value) -> String {
         }
         Value::Object(members) if members.is_empty() => "none".to_owned(),
         Value::Object(members) if members.contains_key("lower") && members.contains_key("upper") => {
-            format!("{} {} to {}", in_words(&value["name"]), value["lower"], value["upper"])
+            let name = in_words(&value["name"]);
+            let [lower, upper] = ["lower", "upper"].map(|end| with_unit(&name, &value[end]));
+            format!("{name} {lower} to {upper}")
         }
         Value::Object(members) => members
             .iter()
-            .map(|(name, value)| format!("{name} = {}", in_words(value)))
+            .map(|(name, value)| format!("{name} = {}", with_unit(name, value)))
             .collect::<Vec<_>>()
             .join(", "),
         other => other.to_string(),

@@ -90,6 +90,8 @@ pub(super) const CLASSES: usize = 16;
 /// Width and height of the drawing, in its own units: pixels at full size.
 const WIDE: [f64; 2] = [1100.0, 270.0];
 const HALF: [f64; 2] = [530.0, 270.0];
+/// Characters that a wide drawing has room for beside its axis, at least.
+const WIDE_LABEL: usize = 6;
 /// Mean width of a digit in the labels.
 const DIGIT: f64 = 6.8;
 
@@ -119,7 +121,9 @@ impl Plot {
         let [width, height] = if self.wide { WIDE } else { HALF };
         let y_ticks = self.y.ticks(5);
         let longest = y_ticks.iter().map(|(_, label)| label.chars().count()).max().unwrap_or(0);
-        let left = 34.0 + longest as f64 * DIGIT;
+        // Plots that stand below each other have their axes below each other.
+        let least = if self.wide { WIDE_LABEL } else { 0 };
+        let left = 34.0 + longest.max(least) as f64 * DIGIT;
         let area = Area { left, top: 10.0, width: width - left - 16.0, height: height - 10.0 - 44.0 };
         let x_ticks = self.x.ticks((area.width / 75.0) as usize);
         html! {

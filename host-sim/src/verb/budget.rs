@@ -36,7 +36,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         targets.push(Target::measure(machine, &[])?);
     }
     if common.json {
-        output::print_json(&json_of(&targets))?;
+        output::print_json(&json_of(common, &targets))?;
     } else {
         print(&targets)?;
     }
@@ -57,7 +57,7 @@ fn seconds(measure: &Measure) -> Option<f64> {
     (measure.budget.unit == "instructions").then_some(cycles / CLOCK_HZ)
 }
 
-fn json_of(targets: &[Target]) -> Value {
+fn json_of(common: &Common, targets: &[Target]) -> Value {
     let measure = |measure: &Measure| {
         json!({
             "name": measure.budget.name,
@@ -82,6 +82,11 @@ fn json_of(targets: &[Target]) -> Value {
         "clock_hz": CLOCK_HZ,
         "cycles_per_instruction": CYCLES_PER_INSTRUCTION,
         "targets": targets.iter().map(target).collect::<Vec<_>>(),
+        "seed": common.seed,
+        "config": {
+            "version": env!("CARGO_PKG_VERSION"),
+            "machines": targets.iter().map(|target| target.machine.name()).collect::<Vec<_>>(),
+        },
     })
 }
 

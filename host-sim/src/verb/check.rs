@@ -3,13 +3,11 @@
 use super::{DEFAULT_RIG, InputOptions, assignments};
 use crate::cli::Common;
 use crate::failure::Failure;
-use crate::fit;
-use crate::inspect::excitation::{Promise, Question, Trial};
-use crate::inspect::{Facts, facts};
-use crate::output::{self, SCHEMA, quantity};
-use crate::record::Record;
+use crate::inspect::Inspection;
+use crate::inspect::excitation::{SHOWN, grade};
+use crate::output::{self, SCHEMA, counted, quantity};
+use crate::report;
 use crate::rig::{Range, Rig};
-use eha_monitor::command::Shape;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -26,22 +24,6 @@ pub struct Options {
     at: Vec<String>,
 }
 
-/// A record, and what is said of it.
-struct Checked {
-    record: Record,
-    facts: Facts,
-    promises: Vec<Promise>,
-    trials: Vec<Trial>,
-    best_gain: Option<f64>,
-}
-
-/// Share of its range below which the 95 % interval of a parameter is called narrow, and fair.
-const NARROW: f64 = 0.01;
-const FAIR: f64 = 0.1;
-
-/// Commands that the table shows.
-const SHOWN: usize = 8;
-
 /// Runs the verb.
 ///
 /// # Errors
@@ -51,42 +33,19 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     assignments(&mut rig.parameters, &options.at)?;
     let ranges = if rig.faults.is_empty() { rig.free.clone() } else { rig.faults.clone() };
     let records = options.input.read(common, &options.records)?;
-    let checked: Vec<Checked> = records.into_iter().map(|record| look(&rig, &ranges, record)).collect();
+    let checked: Vec<Inspection> =
+        records.into_iter().map(|record| Inspection::new(&rig, &ranges, record)).collect();
     let result = json(common, &rig, &ranges, &checked);
     if let Some(path) = output::out_path(common, "check.json") {
         output::write_file(&path, serde_json::to_string_pretty(&result).map_err(Failure::other)?.as_bytes())?;
         output::log(common, &format!("wrote {}", path.display()));
     }
+    output::report(common, || report::inspection(&ranges, &checked, &result["config"]))?;
     if common.json {
         return output::print_json(&result);
     }
     checked.iter().try_for_each(|one| print(&ranges, one))?;
     output::print(&format!("host-sim {}; rig {}; seed {}", env!("CARGO_PKG_VERSION"), rig.name, common.seed))
-}
-
-fn look(rig: &Rig, ranges: &[Range], record: Record) -> Checked {
-    let noise = fit::noise_of(rig, &record);
-    let question = Question { rig, ranges, noise };
-    let promises = question.of_record(&record);
-    let trials = question.of_commands(&record);
-    let own =
-        promises.iter().filter(|promise| promise.recorded).map(|p| question.badness(&p.standard_errors));
-    let own = own.fold(f64::INFINITY, f64::min);
-    let best_gain = trials
-        .first()
-        .filter(|best| !best.saturates())
-        .map(|best| (own - question.badness(&best.standard_errors)).exp());
-    Checked { facts: facts(&record, &noise), promises, trials, best_gain, record }
-}
-
-/// How well a parameter would be known.
-fn grade(range: &Range, standard_error: f64) -> &'static str {
-    let share = 2.0 * 1.96 * standard_error / (range.upper - range.lower);
-    match share {
-        _ if share < NARROW => "narrow",
-        _ if share < FAIR => "fair",
-        _ => "poor",
-    }
 }
 
 fn errors_json(ranges: &[Range], standard_errors: &[f64]) -> Value {
@@ -100,11 +59,7 @@ fn errors_json(ranges: &[Range], standard_errors: &[f64]) -> Value {
         .collect()
 }
 
-fn amplitude_unit(trial: &Trial) -> &'static str {
-    if trial.command.shape == Shape::Ramp { "m/s" } else { "m" }
-}
-
-fn json(common: &Common, rig: &Rig, ranges: &[Range], checked: &[Checked]) -> Value {
+fn json(common: &Common, rig: &Rig, ranges: &[Range], checked: &[Inspection]) -> Value {
     let records: Vec<Value> = checked
         .iter()
         .map(|one| {
@@ -138,7 +93,7 @@ fn json(common: &Common, rig: &Rig, ranges: &[Range], checked: &[Checked]) -> Va
                 .map(|trial| {
                     json!({
                         "command": trial.command.name, "amplitude": trial.amplitude,
-                        "amplitude_unit": amplitude_unit(trial), "duration_s": trial.duration_s, "saturated_share": trial.saturated_share,
+                        "amplitude_unit": trial.amplitude_unit(), "duration_s": trial.duration_s, "saturated_share": trial.saturated_share,
                         "faults": errors_json(ranges, &trial.standard_errors),
                     })
                 })
@@ -169,7 +124,7 @@ fn json(common: &Common, rig: &Rig, ranges: &[Range], checked: &[Checked]) -> Va
     })
 }
 
-fn print(ranges: &[Range], one: &Checked) -> Result<(), Failure> {
+fn print(ranges: &[Range], one: &Inspection) -> Result<(), Failure> {
     let (record, facts) = (&one.record, &one.facts);
     output::print(&format!(
         "{}: {} samples, {} Hz, {:.3} s from {} s",
@@ -200,10 +155,10 @@ fn print(ranges: &[Range], one: &Checked) -> Result<(), Failure> {
         |response| format!("{:.1} ms (correlation {:.3})", response.delay_s * 1e3, response.correlation),
     );
     output::print(&format!(
-        "response behind the command: {delay}; travel {}, top speed {:.3} m/s, {} reversals, {:.0} % of the time at rest",
+        "response behind the command: {delay}; travel {}, top speed {:.3} m/s, {}, {:.0} % of the time at rest",
         quantity(facts.motion.travel_m, "m"),
         facts.motion.top_speed_m_s,
-        facts.motion.reversals,
+        counted(facts.motion.reversals, "reversal"),
         facts.motion.rest_share * 100.0
     ))?;
     for note in &facts.notes {
@@ -236,20 +191,12 @@ fn print(ranges: &[Range], one: &Checked) -> Result<(), Failure> {
     header.splice(0..2, ["command".to_owned(), "amplitude".to_owned(), "current at its limit".to_owned()]);
     let mut table = output::table(&header);
     for trial in one.trials.iter().take(SHOWN) {
-        let amplitude = if trial.amplitude > 0.0 {
-            quantity(trial.amplitude, amplitude_unit(trial))
-        } else {
-            "-".to_owned()
-        };
         let limit = format!("{:.1} %", trial.saturated_share * 100.0);
-        table.add_row(row(vec![trial.command.name.to_owned(), amplitude, limit], &trial.standard_errors));
+        table.add_row(row(
+            vec![trial.command.name.to_owned(), trial.amplitude_text(), limit],
+            &trial.standard_errors,
+        ));
     }
     output::print(&table.to_string())?;
-    match (one.best_gain, one.trials.first()) {
-        (Some(gain), Some(best)) if gain > 1.2 => output::print(&format!(
-            "next: `{}` would give standard errors {gain:.1} times smaller (geometric mean of the faults)\n",
-            best.command.name
-        )),
-        _ => output::print("no built-in command does much better than this record\n"),
-    }
+    output::print(&format!("next: {}\n", one.advice()))
 }

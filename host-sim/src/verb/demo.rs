@@ -84,12 +84,12 @@ pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
 }
 
 fn fly(rig: &Rig, name: &str, seed: u64) -> Result<Record, Failure> {
-    let mut parameters = rig.parameters;
+    let mut rig = rig.clone();
     for (parameter, value) in TRUTH {
-        parameters.set(parameter, value);
+        rig.parameters.set(parameter, value);
     }
     let excitation = Excitation::of_command(name, SAMPLES, 1e-3)?;
-    let outputs = plant::run(rig.form, &parameters, &excitation, PLANT_STEP);
+    let outputs = plant::run(&rig, &excitation, PLANT_STEP);
     let sensing = Sensing { noise: NOISE.to_vec(), ..Sensing::default() };
     let record = plant::record(name, rig.form, &excitation, &outputs, &sensing, seed)?;
     // What a flight has: user position and current.

@@ -1,6 +1,6 @@
 //! `host-sim hil`: samples to the firmware's monitor over a line, its estimates as they come.
 
-use super::{DEFAULT_RIG, InputOptions, rig};
+use super::{DEFAULT_RIG, InputOptions, assignments, rig, set};
 use crate::cli::Common;
 use crate::emulator::Machine;
 use crate::failure::Failure;
@@ -96,7 +96,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     })?;
     failed.map_or(Ok(()), Err)?;
     if common.json {
-        output::print_json(&json_of(common, &session, &outcome, &name, &rig))?;
+        output::print_json(&json_of(common, options, &session, &outcome, &name, &rig))?;
     } else {
         output::print(&summary(&outcome))?;
     }
@@ -152,16 +152,15 @@ fn simulated(common: &Common, options: &Options, rig: &Rig, noise: [f64; 2]) -> 
     for watch in watched(options, rig)? {
         parameters.set(watch.free.parameter, f64::from(watch.healthy));
     }
-    for text in &options.set {
-        let (parameter, value) = assignment(text, "NAME=VALUE, such as fdj=800")?;
-        parameters.set(parameter, value_of(value, text)?);
-    }
+    assignments(&mut parameters, &options.set)?;
     let growths = options.grow.iter().map(|text| {
         let expected = "NAME=VALUE@SECONDS, such as bkl=2e-4@4";
         let (parameter, rest) = assignment(text, expected)?;
         let (value, start) =
             rest.split_once('@').ok_or_else(|| Failure::usage(format!("`{text}`: expected {expected}")))?;
-        Ok(Growth { parameter, value: value_of(value, text)?, start: value_of(start, text)? })
+        let (value, start) = (value_of(value, text)?, value_of(start, text)?);
+        set(&mut parameters.clone(), parameter, value)?;
+        Ok(Growth { parameter, value, start })
     });
     Ok(Simulated {
         form: rig.form,
@@ -297,7 +296,30 @@ fn exclusions_json(counts: &[u32; 7]) -> Value {
     })
 }
 
-fn json_of(common: &Common, session: &Session, outcome: &Outcome, line: &str, rig: &Rig) -> Value {
+/// The configuration that a result was made with, resolved.
+fn config_json(common: &Common, options: &Options, rig: &Rig) -> Value {
+    let names: Vec<String> = options.record.iter().map(|path| path.display().to_string()).collect();
+    let mut config = output::config_json(common, rig, &rig.faults, &names);
+    config["watch"] = json!(options.watch);
+    config["damage"] = json!(options.damage);
+    config["simulated"] = if options.record.is_some() {
+        Value::Null
+    } else {
+        json!({
+            "command": options.command, "seconds": options.seconds, "set": options.set, "grow": options.grow,
+        })
+    };
+    config
+}
+
+fn json_of(
+    common: &Common,
+    options: &Options,
+    session: &Session,
+    outcome: &Outcome,
+    line: &str,
+    rig: &Rig,
+) -> Value {
     let status = match outcome.status {
         Some(FromMonitor::Status { received, monitor, exclusions }) => json!({
             "bytes": received[0], "frames": received[1], "damaged_frames": received[2],
@@ -321,6 +343,6 @@ fn json_of(common: &Common, session: &Session, outcome: &Outcome, line: &str, ri
         },
         "measures": outcome.log.as_ref().map(|log| &log.measures),
         "seed": common.seed,
-        "config": output::config_json(common, rig, &rig.faults, &[]),
+        "config": config_json(common, options, rig),
     })
 }

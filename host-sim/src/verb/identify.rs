@@ -5,7 +5,7 @@ use super::{DEFAULT_RIG, FitOptions, Fitted, converged, fit_records, save_trace}
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::fit::{self, Fit, LoopScore};
-use crate::output::{self, SCHEMA};
+use crate::output::{self, SCHEMA, counted, quantity};
 use crate::report::{self, Identified};
 use crate::rig::Rig;
 use crate::trace::Trace;
@@ -126,14 +126,14 @@ pub(super) fn json(common: &Common, fitted: &Fitted, list: &str) -> Value {
 /// The result as tables.
 pub(super) fn print(common: &Common, fitted: &Fitted) -> Result<(), Failure> {
     let fit = &fitted.fit;
-    output::print(&output::estimate_table(fit).to_string())?;
+    output::print(&format!("{}\n", output::estimate_table(fit)))?;
     output::print(&output::residual_table(fit, &fitted.noise_source).to_string())?;
     output::print(&format!(
-        "{} samples in {} records; {} evaluations, {} generations, {:.2} ms a generation, {:.3} s in all; {}; seed {}",
+        "{} samples in {}; {}, {}, {:.2} ms a generation, {:.3} s in all; {}; seed {}",
         fitted.prepared.iter().map(fit::Prepared::len).sum::<usize>(),
-        fitted.prepared.len(),
-        fit.evaluations,
-        fit.generations,
+        counted(fitted.prepared.len(), "record"),
+        counted(fit.evaluations as usize, "evaluation"),
+        counted(fit.generations as usize, "generation"),
         fit.seconds_per_generation * 1e3,
         fit.seconds,
         output::end_words(fit),
@@ -141,7 +141,7 @@ pub(super) fn print(common: &Common, fitted: &Fitted) -> Result<(), Failure> {
     ))?;
     if let Some(score) = loop_score(fitted) {
         let open = score.open_loop_rms.zip(fitted.rig.restart_s).map_or(String::new(), |(rms, seconds)| {
-            format!("; open loop over {seconds} s: {} rms", output::quantity(rms, "m"))
+            format!("; open loop over {seconds} s: {} rms", quantity(rms, "m"))
         });
         let error = score.force_error * 1e2;
         output::print(&format!("force in closed loop: {error:.2} % of the recorded one is missed{open}"))?;
@@ -157,7 +157,12 @@ fn configuration(fitted: &Fitted) -> String {
         .iter()
         .map(|range| {
             let info = range.parameter.info();
-            format!("{} {} to {} {}", info.name, range.lower, range.upper, info.unit)
+            format!(
+                "{} {} to {}",
+                info.name,
+                quantity(range.lower, info.unit),
+                quantity(range.upper, info.unit)
+            )
         })
         .collect();
     format!("host-sim {}; rig {}; free {}", env!("CARGO_PKG_VERSION"), fitted.rig.name, ranges.join(", "))

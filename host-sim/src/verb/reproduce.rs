@@ -141,7 +141,7 @@ fn fly(
     rig.parameters.fdj = fdj;
     rig.parameters.metering_blend = if high_fidelity { 1.0 } else { 0.0 };
     let excitation = Excitation::of_command(command, SAMPLES, SAMPLE_PERIOD)?;
-    let outputs = plant::run(rig.form, &rig.parameters, &excitation, PLANT_STEP);
+    let outputs = plant::run(&rig, &excitation, PLANT_STEP);
     Ok((excitation, outputs, rig.form))
 }
 

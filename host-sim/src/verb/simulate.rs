@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::output;
 use crate::plant::{self, Excitation, Sensing};
 use crate::record::read_csv;
-use crate::rig::{channel_named, unknown};
+use crate::rig::{Rig, channel_named, unknown};
 use clap::ValueEnum;
 use eha_monitor::channel::{Channel, ChannelRole};
 use eha_monitor::command::{COMMANDS, Command, CommandInfo, cosine_of_turns, sine_of_turns};
@@ -107,8 +107,11 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
             set(&mut rig.parameters, parameter, number(text, value)?)?;
         }
     }
-    let excitation = excitation(options, rig.form.drive)?;
-    let outputs = plant::run(rig.form, &rig.parameters, &excitation, positive("step", options.step)?);
+    let mut excitation = excitation(options, &rig)?;
+    let outputs = plant::run(&rig, &excitation, positive("step", options.step)?);
+    if let Some(law) = &rig.controller {
+        excitation.drive = plant::asked(law, &excitation, &outputs);
+    }
     let sensing = Sensing {
         noise: channel_values(&options.noise)?,
         quantum: channel_values(&options.quantum)?,
@@ -207,8 +210,9 @@ fn keep(record: &crate::record::Record, columns: &[String]) -> Result<crate::rec
     Ok(crate::record::Record::new(record.name(), record.sample_period_s(), record.start_time_s(), channels)?)
 }
 
-/// The command of a name or of a record, the load, and for a force-driven rig the force.
-fn excitation(options: &Options, drive: Drive) -> Result<Excitation, Failure> {
+/// The command of a name or of a record, the load, and for a rig that is driven by a force without a known controller
+/// the force.
+fn excitation(options: &Options, rig: &Rig) -> Result<Excitation, Failure> {
     let from_name = CommandInfo::named(&options.command);
     let mut excitation = match from_name {
         Some(info) => {
@@ -251,10 +255,12 @@ fn excitation(options: &Options, drive: Drive) -> Result<Excitation, Failure> {
             )));
         }
     };
-    if drive == Drive::Valve {
+    if rig.form.drive == Drive::Valve || rig.controller.is_some() {
         excitation.drive.clear();
     } else if excitation.drive.is_empty() {
-        return Err(Failure::usage("a rig that is driven by a force needs --command FILE.csv with drive_N"));
+        return Err(Failure::usage(
+            "a rig that is driven by a force needs --command FILE.csv with drive_N, or a [controller]",
+        ));
     }
     if let Some(text) = &options.load {
         let period = excitation.sample_period;

@@ -80,7 +80,7 @@ fn browser() -> bool {
     there
 }
 
-fn make_pages(bench: &Bench) -> [&'static str; 4] {
+fn make_pages(bench: &Bench) -> [&'static str; 6] {
     bench.noisy_record();
     bench.run(&["identify", "record.csv", "--out", "identify"]).done();
     let long = ["--model", "lf", "--duration", "60", "--command", "sine", "--noise", "lvdt_m=5e-6"];
@@ -91,7 +91,20 @@ fn make_pages(bench: &Bench) -> [&'static str; 4] {
     bench.run(&["identify", "long.csv", "--out", "long", "--budget", "40"]);
     bench.run(&["demo", "--out", "demo"]).done();
     bench.run(&["reproduce", "--lf-data", "--cases-only", "--out", "reproduce"]).done();
-    ["identify", "long", "demo", "reproduce"]
+    bench.run(&["check", "record.csv", "--out", "check"]).done();
+    // Cut off at 2 mm, with lost samples, beside another record.
+    let cut: String = bench.read("long.csv").lines().map(|line| cut_off(line) + "\n").collect();
+    bench.write("cut.csv", &cut);
+    bench.run(&["check", "cut.csv", "record.csv", "--out", "check-two"]).done();
+    ["identify", "long", "demo", "reproduce", "check", "check-two"]
+}
+
+/// A row of a record whose position, the last cell, stays below 2 mm.
+fn cut_off(row: &str) -> String {
+    match row.rsplit_once(',') {
+        Some((rest, cell)) if cell.parse::<f64>().is_ok_and(|value| value > 2e-3) => format!("{rest},0.002"),
+        _ => row.to_owned(),
+    }
 }
 
 #[test]
@@ -115,6 +128,7 @@ fn reports_are_whole_and_a_browser_shows_them_well() {
     }
     for (name, width, dark) in names.into_iter().map(|name| (name, 1280, false)).chain([
         ("identify", 500, false),
+        ("check", 500, true),
         ("demo", 500, true),
         ("demo", 1280, true),
     ]) {
@@ -125,6 +139,24 @@ fn reports_are_whole_and_a_browser_shows_them_well() {
         assert!(count(figures) >= 6 && count(texts) >= 60, "{name} at {width}: {found:?}");
         assert_eq!(scheme, &format!("dark {dark}"));
         assert!(wrong.is_empty(), "{name} at {width}: {wrong:#?}");
+    }
+}
+
+/// A page as paper shows it: 186 mm wide, with the rules for print.
+#[test]
+fn paper_cuts_nothing_off() {
+    if !browser() {
+        return;
+    }
+    let bench = Bench::new();
+    bench.noisy_record();
+    for arguments in [&["check", "record.csv"][..], &["identify", "record.csv"]] {
+        bench.run(&[arguments, &["--out", "."]].concat()).done();
+        bench.write("paper.html", &bench.read("report.html").replace("@media print", "@media all"));
+        let (found, _) = look(&bench.path("paper.html"), 703, false);
+        let [figures, _, _, wrong @ ..] = found.as_slice() else { panic!("{found:?}") };
+        assert_ne!(figures, "figures 0");
+        assert!(wrong.is_empty(), "{arguments:?}: {wrong:#?}");
     }
 }
 

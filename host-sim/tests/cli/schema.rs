@@ -43,6 +43,14 @@ fn every_result_keeps_to_its_schema() {
         .collect();
     bench.write("hidden.csv", &hidden.join("\n"));
     let mut tested: Vec<&str> = Vec::new();
+    let help = bench.run(&["--help"]).done().stdout;
+    let listed =
+        help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    // A verb's name stands two columns in; what it does may go on below, further in.
+    let mut verbs: Vec<&str> = listed
+        .filter_map(|line| line.strip_prefix("  ").filter(|rest| !rest.starts_with(' ')))
+        .filter_map(|line| line.split_whitespace().next())
+        .collect();
     for (name, arguments) in [
         ("identify", &["identify", "record.csv"][..]),
         ("identify", &["identify", "record.csv", "--truth", "bkl=2e-4,fdj=800"]),
@@ -57,6 +65,10 @@ fn every_result_keeps_to_its_schema() {
         ("commands", &["commands"]),
         ("rigs", &["rigs"]),
         ("rig", &["rigs", "servo-hydraulic"]),
+        ("diagnose", &["demo", "--out", "demo"]),
+        ("hil", &["hil", "--seconds", "2.2", "--damage", "1e-4"]),
+        ("hil", &["hil", "record.csv", "--machine", "mps2-an386"]),
+        ("budget", &["budget", "--machine", "mps2-an386"]),
     ] {
         let result = bench.run(&[arguments, &["--json"]].concat()).done().json();
         let schema = schema(name);
@@ -72,7 +84,9 @@ fn every_result_keeps_to_its_schema() {
             assert!(!mistakes(&schema, &wrong).is_empty(), "{name} lets everything through: {wrong}");
         }
         tested.push(name);
+        verbs.retain(|&verb| verb != arguments[0]);
     }
+    assert_eq!(verbs, ["completions", "man", "help"], "verbs with a JSON result that is not tested");
     let mut published: Vec<String> = std::fs::read_dir(folder())
         .expect("the folder of the schemas")
         .map(|entry| entry.expect("an entry").file_name().to_string_lossy().replace(".schema.json", ""))

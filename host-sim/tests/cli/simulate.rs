@@ -1,6 +1,6 @@
 //! Records that the program makes, and those that it converts.
 
-use super::harness::{BKL, Bench, FDJ, named, number};
+use super::harness::{BKL, Bench, FDJ, USAGE, named, number};
 
 #[test]
 fn the_seed_alone_decides_the_noise() {
@@ -79,6 +79,38 @@ fn a_record_can_be_flown_again() {
     };
     assert_eq!(rows("first.csv"), rows("again.csv"));
     assert!(rows("first.csv")[0].contains("load_N"));
+}
+
+#[test]
+fn a_known_controller_drives_its_axis() {
+    let bench = Bench::new();
+    let rig = "base = \"force-axis\"\nfault = []\n[controller]\nposition-gain = 160.0\nvelocity-gain = 243.0\n\
+               limit = 10.0\nforce-gain = 35.0\n";
+    bench.write("axis.toml", rig);
+    // To and fro, smoothly from rest: a jerk at the start would still ring where the fit begins to compare.
+    let row = |k: u32| {
+        let t = f64::from(k) * 1e-3;
+        let x = 0.04 * (1.0 - (std::f64::consts::PI * t).cos());
+        format!("{t:.3},{x},{x}")
+    };
+    let flight: Vec<String> = (0..4001).map(row).collect();
+    bench.write("flight.csv", &format!("t_s,command_m,lvdt_m\n{}\n", flight.join("\n")));
+    let actuator = ["--set", "load_mass=120", "--set", "viscous_friction=250", "--set", "fdj=30"];
+    let sensors = ["--noise", "lvdt_m=1e-6", "--step", "1e-4", "-o", "axis.csv"];
+    bench
+        .run(
+            &[&["simulate", "--rig", "axis.toml", "--command", "flight.csv"][..], &actuator, &sensors]
+                .concat(),
+        )
+        .done();
+    let result = bench.run(&["calibrate", "axis.csv", "--rig", "axis.toml", "--json"]).done().json();
+    for (name, truth) in [("load_mass", 120.0), ("viscous_friction", 250.0), ("fdj", 30.0)] {
+        let found = number(&named(&result["parameters"], name)["value"]);
+        assert!((found / truth - 1.0).abs() < 2e-3, "{name}: {found}");
+    }
+    assert!(number(&result["closed_loop"]["force_error"]) < 1e-3, "{result}");
+    // A rig that is driven by a force and knows no controller has nothing to be driven by.
+    bench.run(&["simulate", "--rig", "force-axis"]).refused(USAGE, &["drive_N", "[controller]"]);
 }
 
 #[test]
