@@ -1,6 +1,6 @@
 //! One effect of the catalogue as a hypothesis: its parameters added to the free ones, fitted together.
 
-use super::ripple;
+use super::ripple::{self, Ripple};
 use crate::fit::{self, Polished, Prepared};
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::EffectInfo;
@@ -51,7 +51,7 @@ pub(super) fn applies(effect: &EffectInfo, rig: &Rig, ranges: &[Range]) -> bool 
 }
 
 /// Ranges of an effect's parameters around the values that a rig has.
-fn effect_ranges(effect: &EffectInfo, rig: &Rig, duration: f64, pitches: &[f64]) -> Vec<Range> {
+fn effect_ranges(effect: &EffectInfo, rig: &Rig, duration: f64, ripples: &[Ripple]) -> Vec<Range> {
     effect
         .parameters
         .iter()
@@ -62,7 +62,7 @@ fn effect_ranges(effect: &EffectInfo, rig: &Rig, duration: f64, pitches: &[f64])
                 return Range { parameter, lower: 0.0, upper: duration };
             }
             if parameter == Parameter::CoggingPitch {
-                let reach = |factor: f64| pitches.iter().map(move |pitch| pitch * factor);
+                let reach = |factor: f64| ripples.iter().map(move |ripple| ripple.pitch * factor);
                 let (low, high) = (1.0 - ripple::PITCH_REACH, 1.0 + ripple::PITCH_REACH);
                 return Range {
                     parameter,
@@ -80,7 +80,7 @@ fn effect_ranges(effect: &EffectInfo, rig: &Rig, duration: f64, pitches: &[f64])
 }
 
 /// Values of an effect's parameters from which its fit starts.
-fn effect_starts(effect: &EffectInfo, rig: &Rig, duration: f64, pitches: &[f64]) -> Vec<Vec<f64>> {
+fn effect_starts(effect: &EffectInfo, rig: &Rig, duration: f64, ripples: &[Ripple]) -> Vec<Vec<f64>> {
     let here = rig.parameters.get(effect.parameters[0]);
     let (info, size) = (effect.parameters[0].info(), effect.sizes[0]);
     if effect.parameters.contains(&Parameter::StepLoadTime) {
@@ -89,8 +89,8 @@ fn effect_starts(effect: &EffectInfo, rig: &Rig, duration: f64, pitches: &[f64])
             .collect();
     }
     if effect.parameters.contains(&Parameter::CoggingPitch) {
-        // The amplitudes are linear: any small ones serve.
-        return pitches.iter().map(|&pitch| vec![here + 0.01 * size, 0.01 * size, pitch]).collect();
+        let start = |ripple: &Ripple| vec![ripple.amplitudes[0], ripple.amplitudes[1], ripple.pitch];
+        return ripples.iter().map(start).collect();
     }
     let multiples = if here <= info.lower { ONE_SIDED } else { TWO_SIDED };
     multiples
@@ -127,17 +127,17 @@ pub(super) fn look(
     let duration =
         records.iter().map(|record| record.len() as f64 * record.sample_period).fold(0.0, f64::max);
     let mut all = ranges.to_vec();
-    let pitches = if effect.parameters.contains(&Parameter::CoggingPitch) {
-        ripple::pitches(records, &fit::predict(rig, records))
+    let ripples = if effect.parameters.contains(&Parameter::CoggingPitch) {
+        ripple::ripples(rig, records)
     } else {
         Vec::new()
     };
-    all.extend(effect_ranges(effect, rig, duration, &pitches));
+    all.extend(effect_ranges(effect, rig, duration, &ripples));
     if all.len() > fit::MAX_FREE {
         return None;
     }
     let here: Vec<f64> = ranges.iter().map(|range| rig.parameters.get(range.parameter)).collect();
-    let starts: Vec<Vec<f64>> = effect_starts(effect, rig, duration, &pitches)
+    let starts: Vec<Vec<f64>> = effect_starts(effect, rig, duration, &ripples)
         .into_iter()
         .map(|start| here.iter().copied().chain(start).collect())
         .collect();

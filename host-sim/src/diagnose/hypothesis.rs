@@ -169,8 +169,8 @@ impl Hypothesis {
 
     /// Fits the effects that promise to lower chi-square, and those that are mixed up with a fault: the fault may be
     /// far from the truth in place of the effect, and the linear model there says nothing. The best first. `wanted` is
-    /// the fall of chi-square that is of interest: where the linear model foresees a small part of it only, the fit will
-    /// not reach it.
+    /// the fall of chi-square that is of interest, at least that of the best: where the linear model foresees a small
+    /// part of it only, or the approach reaches no more, the fit will not reach it.
     fn fit_promising(&self, case: &Case<'_>, wanted: f64) -> Vec<Candidate> {
         let base = self.train.misfit.chi_square;
         let gain = |prospect: &Prospect| base - prospect.foreseen.misfit.chi_square;
@@ -178,6 +178,7 @@ impl Hypothesis {
             .look(case)
             .into_iter()
             .partition(|prospect| self.confuses(case, prospect).any(|mixed| mixed));
+        let wanted = promising.iter().map(gain).fold(wanted, f64::max);
         promising.retain(|prospect| gain(prospect) > PROMISING.max(FORESEEN * wanted));
         promising.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
         promising.truncate(MOST_APPROACHED);
@@ -187,6 +188,9 @@ impl Hypothesis {
             .filter(|_| !interrupt::requested())
             .filter_map(|prospect| Some((prospect, prospect.approach(&self.rig, case.train())?)))
             .collect();
+        let reached = |near: &Polished| base - near.misfit.chi_square;
+        let wanted = near.iter().map(|(_, near)| reached(near)).fold(wanted, f64::max);
+        near.retain(|(_, near)| reached(near) > FORESEEN * wanted);
         near.sort_by(|(_, a), (_, b)| a.misfit.chi_square.total_cmp(&b.misfit.chi_square));
         near.truncate(MOST_FITTED);
         let mut candidates: Vec<Candidate> = near

@@ -1,76 +1,165 @@
-//! Where a residual repeats along the way, not in time: the pitches at which cogging is worth a fit.
+//! Where a residual repeats along the way, not in time: the ripples at which a fit of cogging starts.
+//!
+//! A force that ripples with the ram's position is seen through the answer of the whole loop to a force. That answer is
+//! taken from the model (a small step of the load, at several times), so a pitch can be judged by what its force would
+//! do to each measured channel.
 
-use super::residual;
-use crate::fit::Prepared;
+use super::residual::MEASURED;
+use crate::fit::{self, Prepared};
+use crate::rig::Rig;
 use eha_monitor::model::state::Outputs;
+use eha_monitor::parameter::Parameter;
+use nalgebra::{Matrix2, Vector2};
 use rayon::prelude::*;
 
 /// Share by which a fit may move a pitch away from where it was seen.
 pub(super) const PITCH_REACH: f64 = 0.02;
-/// Pitches that are handed to the fit.
-const MOST_PITCHES: usize = 3;
+/// Ripples that are handed to the fit.
+const MOST_RIPPLES: usize = 3;
+/// Pitches that are judged by what their force would do.
+const MOST_JUDGED: usize = 24;
 /// Most periods along the way that are looked for.
 const MOST_PERIODS: f64 = 400.0;
 /// Fewest: fewer are a bend, not a ripple.
 const FEWEST_PERIODS: f64 = 3.0;
 /// Parts of a period over the whole way by which neighbours of the search differ.
-const PARTS: f64 = 2.0;
-/// Places into which the way is divided for a period of the shortest pitch.
-const PLACES: f64 = 8.0;
+const PARTS: f64 = 4.0;
+/// Places of a record at which the load is stepped.
+const STEPS: usize = 6;
+/// Size of that step, N: small, so that the answer is that of the linear model.
+const STEP: f64 = 1.0;
+/// Length of an answer, s: a closed loop has forgotten a force by then.
+const ANSWER_S: f64 = 0.1;
 
-/// The strongest pitches, m, of what a model leaves of the position, the strongest first.
-///
-/// The residual answers a force with some integrals of it, which differ from machine to machine: its rate is used, in
-/// which a slow drift is small and a ripple large. It is averaged over places along the way, each direction for itself,
-/// because the answer to a force has another delay there.
-pub(super) fn pitches(records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> Vec<f64> {
-    let travel = |pick: fn(f64, f64) -> f64, start: f64| {
-        records
-            .iter()
-            .flat_map(|record| record.measured(0))
-            .copied()
-            .filter(|x| x.is_finite())
-            .fold(start, pick)
-    };
-    let (low, high) = (travel(f64::min, f64::INFINITY), travel(f64::max, f64::NEG_INFINITY));
-    let way = high - low;
+/// A force that ripples along the way, as far as the linear model knows it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ripple {
+    /// Length of a period, m.
+    pub(super) pitch: f64,
+    /// Amplitudes of its cosine and sine, N, against the motion where they are positive.
+    pub(super) amplitudes: [f64; 2],
+    /// Fall of chi-square that it promises.
+    gain: f64,
+}
+
+/// The strongest ripples in what a model leaves of the measured channels, the strongest first.
+pub(super) fn ripples(rig: &Rig, records: &[Prepared]) -> Vec<Ripple> {
+    let predictions = fit::predict(rig, records);
+    let ram = || predictions.iter().flatten().map(|outputs| outputs.ram);
+    let way = ram().fold(f64::NEG_INFINITY, f64::max) - ram().fold(f64::INFINITY, f64::min);
     if !way.is_finite() || way <= 0.0 {
         return Vec::new();
     }
-    let count = (MOST_PERIODS * PLACES) as usize;
-    let mut places = [vec![0.0; count], vec![0.0; count]];
-    for (index, record) in records.iter().enumerate() {
-        let one = residual::series(&records[index..=index], &predictions[index..=index], 0).concat();
-        let compared: Vec<f64> =
-            (0..record.len()).filter(|&k| record.is_compared(k)).map(|k| record.measured(0)[k]).collect();
-        for (x, r) in compared.windows(2).zip(one.windows(2)) {
-            let (motion, change) = (x[1] - x[0], r[1] - r[0]);
-            if motion != 0.0 && change.is_finite() && motion.is_finite() {
-                let place = (((x[0] - low) / way * count as f64) as usize).min(count - 1);
-                places[usize::from(motion < 0.0)][place] += change;
+    let traces: Vec<Trace<'_>> = records
+        .iter()
+        .zip(&predictions)
+        .flat_map(|(record, outputs)| Trace::all(rig, record, outputs))
+        .collect();
+    let pitch = |line: usize| way / (FEWEST_PERIODS + line as f64 / PARTS);
+    let lines = ((MOST_PERIODS - FEWEST_PERIODS) * PARTS) as usize;
+    let pulls: Vec<f64> =
+        (0..lines).into_par_iter().map(|line| pull(&traces, pitch(line)).norm_squared()).collect();
+    let peak = |&line: &usize| pulls[line] > pulls[line - 1] && pulls[line] >= pulls[line + 1];
+    let mut peaks: Vec<usize> = (1..lines.saturating_sub(1)).filter(peak).collect();
+    peaks.sort_by(|&a, &b| pulls[b].total_cmp(&pulls[a]));
+    peaks.truncate(MOST_JUDGED);
+    let mut judged: Vec<Ripple> =
+        peaks.into_par_iter().filter_map(|line| judged(&traces, pitch(line))).collect();
+    judged.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    judged.truncate(MOST_RIPPLES);
+    judged
+}
+
+/// One measured channel of a record, as a force on the ram sees it.
+struct Trace<'a> {
+    record: &'a Prepared,
+    outputs: &'a [Outputs<f64>],
+    /// What the channel does in the samples after a force of 1 N that lasts for one, in units of its noise.
+    answer: Vec<f64>,
+    /// Slope of half of chi-square over a force in each sample, 1/N.
+    pull: Vec<f64>,
+}
+
+impl<'a> Trace<'a> {
+    /// The traces of a record, one for each channel that is used.
+    fn all(rig: &Rig, record: &'a Prepared, outputs: &'a [Outputs<f64>]) -> Vec<Self> {
+        let answers = answers(rig, record, outputs);
+        let used = answers.into_iter().enumerate().filter(|(channel, _)| record.noise[*channel].is_finite());
+        used.map(|(channel, answer)| Self::new(record, outputs, channel, &answer)).collect()
+    }
+
+    fn new(record: &'a Prepared, outputs: &'a [Outputs<f64>], channel: usize, answer: &[f64]) -> Self {
+        let noise = record.noise[channel];
+        let answer: Vec<f64> = answer.iter().map(|value| value / noise).collect();
+        let mut pull = vec![0.0; record.len()];
+        for (sample, (value, outputs)) in record.measured(channel).iter().zip(outputs).enumerate() {
+            let residual = (value - outputs.to_array()[channel]) / noise;
+            if record.is_compared(sample) && residual.is_finite() {
+                for (lag, answer) in answer.iter().enumerate().take(record.since_start(sample)) {
+                    pull[sample - lag - 1] += answer * residual;
+                }
             }
         }
+        Self { record, outputs, answer, pull }
     }
-    let periods = |index: usize| FEWEST_PERIODS + index as f64 / PARTS;
-    let lines = ((MOST_PERIODS - FEWEST_PERIODS) * PARTS) as usize;
-    let power: Vec<f64> = (0..lines)
-        .into_par_iter()
-        .map(|line| {
-            let turn = std::f64::consts::TAU * periods(line) / count as f64;
-            let of = |values: &[f64]| {
-                let (mut cosine, mut sine) = (0.0, 0.0);
-                for (place, value) in values.iter().enumerate() {
-                    let (s, c) = (turn * place as f64).sin_cos();
-                    cosine += value * c;
-                    sine += value * s;
-                }
-                cosine * cosine + sine * sine
-            };
-            places.iter().map(|values| of(values)).sum()
+
+    /// Cosine and sine of a pitch at each sample.
+    fn ripple(&self, pitch: f64) -> impl Iterator<Item = Vector2<f64>> {
+        self.outputs.iter().map(move |outputs| {
+            let (sine, cosine) = (std::f64::consts::TAU * outputs.ram / pitch).sin_cos();
+            Vector2::new(cosine, sine)
         })
-        .collect();
-    let peak = |&line: &usize| line > 0 && power[line] > power[line - 1] && power[line] >= power[line + 1];
-    let mut peaks: Vec<usize> = (1..lines.saturating_sub(1)).filter(peak).collect();
-    peaks.sort_by(|&a, &b| power[b].total_cmp(&power[a]));
-    peaks.into_iter().take(MOST_PITCHES).map(|line| way / periods(line)).collect()
+    }
+}
+
+/// Slope of half of chi-square over the amplitudes, in N, of a ripple's cosine and sine.
+fn pull(traces: &[Trace<'_>], pitch: f64) -> Vector2<f64> {
+    traces
+        .iter()
+        .flat_map(|trace| trace.ripple(pitch).zip(&trace.pull).map(|(ripple, pull)| ripple * *pull))
+        .sum()
+}
+
+/// The ripple of a pitch that explains most; none where it shows nowhere.
+fn judged(traces: &[Trace<'_>], pitch: f64) -> Option<Ripple> {
+    let mut curvature = Matrix2::zeros();
+    for trace in traces {
+        let ripple: Vec<Vector2<f64>> = trace.ripple(pitch).collect();
+        for sample in (0..ripple.len()).filter(|&sample| trace.record.is_compared(sample)) {
+            let past = trace.answer.iter().take(trace.record.since_start(sample)).enumerate();
+            let shown: Vector2<f64> = past.map(|(lag, answer)| ripple[sample - lag - 1] * *answer).sum();
+            curvature += shown * shown.transpose();
+        }
+    }
+    let pull = pull(traces, pitch);
+    let amplitudes = curvature.cholesky()?.solve(&pull);
+    Some(Ripple { pitch, amplitudes: amplitudes.into(), gain: amplitudes.dot(&pull) })
+}
+
+/// What each measured channel does in the samples after a force of 1 N that lasts for one, in its unit.
+fn answers(rig: &Rig, record: &Prepared, outputs: &[Outputs<f64>]) -> [Vec<f64>; MEASURED] {
+    let length = (ANSWER_S / record.sample_period) as usize;
+    let mut sums = [(); MEASURED].map(|()| vec![0.0; length + 1]);
+    let mut counts = vec![0_usize; length + 1];
+    for step in 0..STEPS {
+        let at = (2 * step + 1) * record.len() / (2 * STEPS);
+        let mut stepped = rig.clone();
+        stepped.parameters.set(Parameter::StepLoad, rig.parameters.get(Parameter::StepLoad) + STEP);
+        stepped.parameters.set(Parameter::StepLoadTime, record.time(at));
+        let after = fit::predict(&stepped, std::slice::from_ref(record)).concat();
+        for (lag, (with, without)) in after.iter().zip(outputs).skip(at).enumerate().take(length + 1) {
+            if record.since_start(at + lag) < lag {
+                break;
+            }
+            for (channel, sum) in sums.iter_mut().enumerate() {
+                sum[lag] += (with.to_array()[channel] - without.to_array()[channel]) / STEP;
+            }
+            counts[lag] += 1;
+        }
+    }
+    sums.map(|sums| {
+        let step: Vec<f64> =
+            sums.iter().zip(&counts).map(|(sum, &count)| sum / count.max(1) as f64).collect();
+        step.windows(2).map(|pair| pair[1] - pair[0]).collect()
+    })
 }

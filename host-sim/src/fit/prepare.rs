@@ -132,6 +132,16 @@ impl Prepared {
         self.as_core().is_compared(sample)
     }
 
+    /// Samples between the start of its stretch and a sample.
+    pub fn since_start(&self, sample: usize) -> usize {
+        sample % self.stretch
+    }
+
+    /// Time of a sample in the record that it comes from, s.
+    pub fn time(&self, sample: usize) -> f64 {
+        self.starts[sample / self.stretch].time + self.since_start(sample) as f64 * self.sample_period
+    }
+
     /// Commanded position, m.
     pub fn command(&self) -> &[f64] {
         &self.command
