@@ -91,10 +91,19 @@ macro_rules! parameters {
             }
         }
 
+        // What a microcontroller asks of a row, without the words of the table: those would be half of its constants.
         impl Parameter {
+            /// Every parameter, in the order of the table.
+            const ALL: &[Self] = &[$( Self::$variant, )*];
+
             /// Where the parameter acts.
             pub const fn reach(self) -> Reach {
                 match self { $( Self::$variant => Reach::$reach, )* }
+            }
+
+            /// Smallest and largest value that make sense.
+            pub fn range<T: Real>(self) -> [T; 2] {
+                match self { $( Self::$variant => [T::literal($lower), T::literal($upper)], )* }
             }
         }
     };
@@ -172,7 +181,12 @@ parameters! {
 impl Parameter {
     /// Every parameter, in the order of the table.
     pub fn all() -> impl Iterator<Item = Self> {
-        PARAMETERS.iter().map(|row| row.parameter)
+        Self::ALL.iter().copied()
+    }
+
+    /// The parameter at a place in the table.
+    pub fn at(place: usize) -> Option<Self> {
+        Self::ALL.get(place).copied()
     }
 
     /// The row of the table.

@@ -9,8 +9,9 @@ mod common;
 use common::{PERIOD, Rig, Trace, command};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::gauss_newton::{self, Finish};
-use eha_monitor::fit::identify::{Identification, Settings, StopReason};
+use eha_monitor::fit::identify::{Identification, Progress, Settings, StopReason};
 use eha_monitor::fit::problem::{Free, Noise, Problem, Record, Start};
+use eha_monitor::ga::SteadyState;
 use eha_monitor::integrate::exact::Exact;
 use eha_monitor::model::Form;
 use eha_monitor::model::state::BASE_ORDER;
@@ -289,4 +290,40 @@ fn wrong_noise_and_wrong_data_are_seen() {
     shuffled.user.reverse();
     let (found, reason, _) = identify(&problem(&[record(&samples, &shuffled, NOISY)]), 1);
     assert!(reason != StopReason::NoiseReached && found.normal.misfit.mean_square() > 100.0, "{reason:?}");
+}
+
+#[test]
+fn giving_up_on_a_candidate_changes_nothing_that_follows() {
+    // Square-root metering, which the fitted model lacks: the noise is never reached, so the search goes on.
+    let samples = command("chirp", SAMPLES);
+    let rig = Rig::with(|p| (p.bkl, p.fdj, p.metering_blend) = (2e-4, 800.0, 1.0));
+    let trace = rig.plant(&samples);
+    let records = [record(&samples, &trace, NOISE_FREE)];
+    let problem = problem(&records);
+    let mut steppers = vec![Stepper::new()];
+    let settings = Settings::default();
+    let mut search = Identification::<f64, 2, 20>::new(&problem, settings, 1);
+    let mut in_full = SteadyState::<f64, 2, 20>::new(settings.search, FREE.len(), 1);
+    let (mut finishes, mut has_given_up) = (0, false);
+    loop {
+        let progress = search.advance(&problem, &mut steppers);
+        match progress {
+            Progress::Child(outcome) => {
+                let genes = in_full.ask();
+                assert_eq!(&genes, search.search().last_child());
+                assert_eq!(in_full.tell(problem.misfit(&genes, &mut steppers[0]).mean_square()), outcome);
+                has_given_up |= search.search() != &in_full;
+            }
+            Progress::Finished => {
+                let (&best, _) = in_full.best().expect("the population is full");
+                let found = gauss_newton::finish(&problem, &best, &settings.finish, &mut steppers);
+                in_full.insert(&found.genes, found.normal.misfit.mean_square());
+                assert_eq!(search.search(), &in_full);
+                finishes += 1;
+            }
+            Progress::Done(_) => break,
+        }
+    }
+    assert!(has_given_up, "every candidate was evaluated to the end: nothing was compared");
+    assert!(finishes > 1, "{finishes} finish: no search went on");
 }

@@ -1,14 +1,9 @@
-//! Time of a diagnosis, and of a batch of identifications with one thread and with two: `cargo bench --bench program`.
+//! Time of a diagnosis: `cargo bench -p host-sim --bench program`.
 #![allow(missing_docs, reason = "the macros of the harness make public functions")]
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use rayon::ThreadPoolBuilder;
-use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-
-/// Identifications in a batch.
-const BATCH: usize = 32;
 
 fn host_sim(arguments: &[&str], files: &[PathBuf]) {
     let output =
@@ -40,38 +35,9 @@ fn diagnosis(criterion: &mut Criterion) {
     }
 }
 
-fn batch(criterion: &mut Criterion) {
-    use eha_monitor::channel::Channel;
-    use host_sim::fit::{FitSettings, fit, prepare_with};
-    use host_sim::record::read_csv;
-    use host_sim::rig::Rig;
-
-    let directory = tempfile::tempdir().expect("a directory");
-    let file = simulate(directory.path(), "record.csv", &["--model", "lf", "--command", "sine"]);
-    let rig = Rig::load("eha").expect("a built-in rig");
-    let record = read_csv(&file).expect("a record").record;
-    assert!(record.channel(Channel::Current).is_some());
-    let prepared = [prepare_with(&rig, &record, [5e-6, f64::INFINITY, 0.02, f64::INFINITY])];
-    for threads in [1, 2] {
-        let pool =
-            ThreadPoolBuilder::new().num_threads(threads).stack_size(16 << 20).build().expect("threads");
-        criterion.bench_function(&format!("{BATCH} identifications, threads: {threads}"), |bencher| {
-            bencher.iter(|| {
-                pool.install(|| {
-                    let one = |seed: u64| {
-                        let settings = FitSettings { seed, ..FitSettings::default() };
-                        fit(&rig, &rig.faults, &prepared, &settings, |_| ()).misfit.chi_square
-                    };
-                    (0..BATCH as u64).into_par_iter().map(one).sum::<f64>()
-                })
-            });
-        });
-    }
-}
-
 criterion_group! {
     name = benches;
     config = Criterion::default().sample_size(10);
-    targets = diagnosis, batch
+    targets = diagnosis
 }
 criterion_main!(benches);

@@ -62,6 +62,10 @@ pub struct Identification<T, const GENES: usize, const SIZE: usize> {
     evaluations: u32,
     next_finish: u32,
     stop: Option<StopReason>,
+    /// Values that are compared, as soon as a candidate has been evaluated to the end.
+    count: Option<u32>,
+    /// Which members have been given up as worse than the best? Their cost is a lower bound.
+    given_up: [bool; SIZE],
 }
 
 impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<T, GENES, SIZE> {
@@ -70,7 +74,16 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
         let search = SteadyState::new(settings.search, problem.free.len(), seed);
         // The best of the first population is often in the basin already; its finish is cheap, and tells.
         let next_finish = search.population() as u32;
-        Self { settings, search, polished: None, evaluations: 0, next_finish, stop: None }
+        Self {
+            settings,
+            search,
+            polished: None,
+            evaluations: 0,
+            next_finish,
+            stop: None,
+            count: None,
+            given_up: [false; SIZE],
+        }
     }
 
     /// Goes on by one child or one finish; see [`gauss_newton::normal_equations`] for the steppers.
@@ -79,10 +92,8 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
             return Progress::Done(reason);
         }
         if self.search.counters().evaluations < self.next_finish && self.evaluations < self.settings.budget {
-            let genes = self.search.ask();
             let Some(stepper) = steppers.first_mut() else { return Progress::Done(StopReason::Budget) };
-            self.evaluations += 1;
-            return Progress::Child(self.search.tell(problem.misfit(&genes, stepper).mean_square()));
+            return Progress::Child(self.evaluate(problem, stepper));
         }
         let Some((&best, _)) = self.search.best() else {
             self.stop = Some(StopReason::Budget);
@@ -90,7 +101,6 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
         };
         let found = finish(problem, &best, &self.settings.finish, steppers);
         self.evaluations += found.evaluations;
-        self.search.insert(&found.genes, found.normal.misfit.mean_square());
         let settled = self.polished.is_some_and(|last| same_place(&last, &found));
         if self.polished.is_none_or(|last| found.normal.misfit.chi_square < last.normal.misfit.chi_square) {
             self.polished = Some(found);
@@ -104,9 +114,59 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
         } else {
             None
         };
+        if self.stop.is_none()
+            && let Some(stepper) = steppers.first_mut()
+        {
+            self.complete(problem, stepper);
+        }
+        self.search.insert(&found.genes, found.normal.misfit.mean_square());
         self.next_finish = self.search.counters().evaluations
             + self.search.population() as u32 * self.settings.generations_between_finishes;
         Progress::Finished
+    }
+
+    /// Evaluates the next child, no further than it takes to see that it does not matter.
+    ///
+    /// Of the first population the first finish wants the best only, so a member that is worse is given up; should the
+    /// search go on, it is [completed](Self::complete). Later, a child that is worse than all members is rejected in any
+    /// case.
+    fn evaluate<S: Stepper<T>>(&mut self, problem: &Problem<'_, T>, stepper: &mut S) -> Outcome {
+        let genes = self.search.ask();
+        let rejection = self.search.rejection_cost();
+        let limit = rejection.or_else(|| self.search.best().map(|(_, cost)| cost));
+        let bound = match (limit, self.count) {
+            // The margin is for rounding: what is given up is worse, and not as good.
+            (Some(limit), Some(count)) => limit * T::from_count(count) * T::literal(1.0 + 1e-5),
+            _ => T::ONE / T::ZERO,
+        };
+        self.evaluations += 1;
+        let mut misfit = problem.misfit_within(&genes, stepper, bound);
+        let is_given_up = misfit.chi_square > bound;
+        if is_given_up {
+            misfit.count = self.count.unwrap_or(misfit.count);
+        } else {
+            self.count = Some(misfit.count);
+        }
+        let place = self.search.members().count();
+        let outcome = self.search.tell(misfit.mean_square());
+        if outcome == Outcome::Filled
+            && let Some(given_up) = self.given_up.get_mut(place)
+        {
+            *given_up = is_given_up;
+        }
+        outcome
+    }
+
+    /// Evaluates the members that were given up to the end.
+    fn complete<S: Stepper<T>>(&mut self, problem: &Problem<'_, T>, stepper: &mut S) {
+        for place in 0..SIZE {
+            let is_given_up = self.given_up.get_mut(place).is_some_and(core::mem::take);
+            let genes = self.search.members().nth(place).map(|(genes, _)| *genes);
+            if let (true, Some(genes)) = (is_given_up, genes) {
+                self.evaluations += 1;
+                self.search.revise(place, problem.misfit(&genes, stepper).mean_square());
+            }
+        }
     }
 
     /// Runs to the end.
@@ -123,7 +183,7 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
         self.polished.as_ref()
     }
 
-    /// Evaluations of the model so far, those of finishes included.
+    /// Evaluations of the model so far, those of finishes included, and those that were given up.
     pub const fn evaluations(&self) -> u32 {
         self.evaluations
     }

@@ -12,6 +12,9 @@ use crate::scalar::Real;
 /// Number of channels that the model predicts.
 pub const MEASURED: usize = Channel::MEASURED.len();
 
+/// Samples between two looks at whether a misfit is above its bound.
+const BETWEEN_LOOKS: usize = 50;
+
 /// State and time in which a stretch of a record starts.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Start<T> {
@@ -210,6 +213,12 @@ impl<T: Real> Problem<'_, T> {
 
     /// Misfit of a set of genes. One evaluation: every record is simulated once.
     pub fn misfit<S: Stepper<T>>(&self, genes: &[T], stepper: &mut S) -> Misfit<T> {
+        self.misfit_within(genes, stepper, T::ONE / T::ZERO)
+    }
+
+    /// The same, given up as soon as chi-square is above a bound: what has been summed by then. Further samples could
+    /// only add to it.
+    pub fn misfit_within<S: Stepper<T>>(&self, genes: &[T], stepper: &mut S, bound: T) -> Misfit<T> {
         let model = self.model(genes);
         let mut misfit = Misfit { chi_square: T::ZERO, count: 0 };
         let mut rig_changed = self.moves_dynamics();
@@ -218,17 +227,22 @@ impl<T: Real> Problem<'_, T> {
             rig_changed = false;
             let mut walk = Walk::new(&model, record);
             let compared = record.compared();
-            walk.lead_on(record, stepper, &mut [], usize::MAX, |sample, outputs, _| {
-                if !record.is_compared(sample) {
-                    return;
-                }
-                for channel in 0..MEASURED {
-                    if let Some(residual) = compared.residual(channel, sample, outputs) {
-                        misfit.chi_square += residual * residual;
-                        misfit.count += 1;
+            while walk.has_next(record) {
+                walk.lead_on(record, stepper, &mut [], BETWEEN_LOOKS, |sample, outputs, _| {
+                    if !record.is_compared(sample) {
+                        return;
                     }
+                    for channel in 0..MEASURED {
+                        if let Some(residual) = compared.residual(channel, sample, outputs) {
+                            misfit.chi_square += residual * residual;
+                            misfit.count += 1;
+                        }
+                    }
+                });
+                if misfit.chi_square > bound {
+                    return misfit;
                 }
-            });
+            }
         }
         misfit
     }

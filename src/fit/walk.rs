@@ -106,6 +106,11 @@ impl<T: Real> Walk<T> {
         Some((sample, self.actuator.measure(&mut self.motion, &input)))
     }
 
+    /// Has the record samples that are not yet predicted?
+    pub const fn has_next(&self, record: &Record<'_, T>) -> bool {
+        self.sample < record.command.len()
+    }
+
     /// Predicts the next samples, at most a number of them, and shows each: its index, what the channels show, and the
     /// followers.
     #[inline]

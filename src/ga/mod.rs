@@ -181,6 +181,13 @@ impl<T: Real, const GENES: usize, const SIZE: usize> SteadyState<T, GENES, SIZE>
         self.insert(&child, cost)
     }
 
+    /// A member's cost becomes known better than when it was told.
+    pub fn revise(&mut self, member: usize, cost: T) {
+        if let Some(member) = self.members.get_mut(member) {
+            member.cost = cost;
+        }
+    }
+
     /// Offers a member from outside (a polished solution, a warm start).
     pub fn insert(&mut self, genes: &[T; GENES], cost: T) -> Outcome {
         self.counters.evaluations += 1;
@@ -222,6 +229,12 @@ impl<T: Real, const GENES: usize, const SIZE: usize> SteadyState<T, GENES, SIZE>
     /// The best member and its cost; none while the population is empty.
     pub fn best(&self) -> Option<(&[T; GENES], T)> {
         self.members().nth(self.extreme(|candidate, best| candidate < best))
+    }
+
+    /// The cost from which on a child would be rejected; none while every child becomes a member.
+    pub fn rejection_cost(&self) -> Option<T> {
+        let worst = self.members().nth(self.extreme(|candidate, worst| candidate > worst));
+        worst.filter(|_| self.filled == self.settings.population).map(|(_, cost)| cost)
     }
 
     /// Genes of the child that was asked for last.

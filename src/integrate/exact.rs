@@ -7,7 +7,7 @@
 use super::ladder::{self, Cache, Growth, Rung};
 use super::{Run, Step, Stepper};
 use crate::model::Model;
-use crate::model::corridor::{Corridor, Passage, Watched};
+use crate::model::corridor::{Corridor, ERROR, Passage, Watched};
 use crate::model::state::{Input, Mode, State};
 use crate::scalar::Real;
 
@@ -103,16 +103,16 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Exact<T, N, SLO
         let mut done = 0;
         while let Some(next) = commands(done) {
             let command_rate = (next - command) * self.cache.sample_rate;
-            let input = Input { command, command_rate, force: T::ZERO };
-            let there = state.changed(&rung.change(terms, &state, &input, None));
-            let input = Input { command: next, ..input };
+            // A mode with a corridor has no spring load.
+            let there = state.changed(&rung.change_anywhere(terms, &state, here[ERROR], command_rate));
+            let input = Input { command: next, command_rate, force: T::ZERO };
             let after = corridor.watched(&there, &input);
             let change: Watched<T> = core::array::from_fn(|index| after[index] - here[index]);
             let is_clear = has_margin && corridor.is_clear(&after, &change, &swing);
             if !is_clear {
                 // Copies, so that these live in registers elsewhere.
                 let (here, after, swing, change) = ({ here }, { after }, { swing }, { change });
-                match corridor.passage(&here, &after, &swing) {
+                match corridor.passage(&here, &after, &swing, true) {
                     Passage::Clear => has_margin = corridor.has_margin(&after, &change),
                     Passage::Close => break,
                     Passage::Left => {

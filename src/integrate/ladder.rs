@@ -70,22 +70,41 @@ impl<T: Real, const N: usize> Rung<T, N> {
         input: &Input<T>,
         force: Option<&Force<T, N>>,
     ) -> [T; N] {
-        let z = state.leading::<N>();
         let error = (input.command - state.ram) - state.ram_rest;
-        let mut change = terms.constant;
+        let mut change = self.change_anywhere(terms, state, error, input.command_rate);
+        let place = &self.transition[RAM];
         for row in 0..N {
-            change[row] += terms.error[row] * error;
-            change[row] += self.command_rate[row] * input.command_rate;
-        }
-        for (column, &value) in self.transition.iter().zip(&z) {
-            for row in 0..N {
-                change[row] += column[row] * value;
-            }
+            change[row] += place[row] * state.ram;
         }
         if let Some(force) = force {
             let constant = apply(&self.constant, &force.effect);
             for row in 0..N {
                 change[row] += constant[row] * input.force + self.force_rate[row] * force.rate;
+            }
+        }
+        change
+    }
+
+    /// The same for a loop that does not know where it is: the column of the ram is zero, and left out. `error` is the
+    /// position error at the start, m.
+    #[inline(always)]
+    pub(super) fn change_anywhere(
+        &self,
+        terms: &Terms<T, N>,
+        state: &State<T>,
+        error: T,
+        command_rate: T,
+    ) -> [T; N] {
+        let mut change = terms.constant;
+        for row in 0..N {
+            change[row] += terms.error[row] * error;
+            change[row] += self.command_rate[row] * command_rate;
+        }
+        for (index, (column, value)) in self.transition.iter().zip(state.leading::<N>()).enumerate() {
+            if index != RAM {
+                for row in 0..N {
+                    change[row] += column[row] * value;
+                }
             }
         }
         change
@@ -221,7 +240,9 @@ impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const 
         let rate = |input: Input<T>, one| model.affine_rate(mode, &none, &input, one).leading::<N>();
         let constant = rate(Input::default(), T::ONE);
         let error = rate(Input { command: T::ONE, ..Input::default() }, T::ZERO);
-        self.force = rate(Input { force: T::ONE, ..Input::default() }, T::ZERO);
+        if self.has_force {
+            self.force = rate(Input { force: T::ONE, ..Input::default() }, T::ZERO);
+        }
         if let Some((_, ladder)) = self.slots.get(self.slot) {
             for (terms, rung) in self.terms.iter_mut().zip(ladder.rungs()) {
                 terms.constant = apply(&rung.constant, &constant);
@@ -439,8 +460,11 @@ fn accumulate<T: Real, const N: usize>(sum: &mut Columns<T, N>, matrix: &Columns
 fn apply<T: Real, const N: usize>(matrix: &Columns<T, N>, vector: &[T; N]) -> [T; N] {
     let mut product = [T::ZERO; N];
     for (column, &value) in matrix.iter().zip(vector) {
-        for (sum, &term) in product.iter_mut().zip(column) {
-            *sum += term * value;
+        // Rates act on few of the states.
+        if value != T::ZERO {
+            for (sum, &term) in product.iter_mut().zip(column) {
+                *sum += term * value;
+            }
         }
     }
     product

@@ -455,17 +455,21 @@ fn attempt<T: Real, S: Stepper<T>>(
         }
         let change: Watched<T> = core::array::from_fn(|index| after[index] - before[index]);
         let is_clear = run.has_margin && corridor.is_clear(&after, &change, &run.swing);
-        let passage = if is_clear { Passage::Clear } else { corridor.passage(&before, &after, &run.swing) };
-        if passage == Passage::Clear {
-            run.state.take_base(&state);
-            run.has_guards = false;
-        } else if passage == Passage::Left {
-            if level == 0 {
-                run.catch_up(model, None, segment, begin);
+        let passage =
+            if is_clear { Passage::Clear } else { corridor.passage(&before, &after, &run.swing, level > 0) };
+        match passage {
+            Passage::Clear => {
+                run.state.take_base(&state);
+                run.has_guards = false;
             }
-            return false;
-        } else if !inspect(run, Some(corridor)) {
-            return false;
+            Passage::Close if inspect(run, Some(corridor)) => {}
+            Passage::Close => return false,
+            Passage::Left => {
+                if level == 0 {
+                    run.catch_up(model, None, segment, begin);
+                }
+                return false;
+            }
         }
         run.has_margin = is_clear || corridor.has_margin(&after, &change);
         run.swing = change;

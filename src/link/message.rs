@@ -4,7 +4,7 @@ use crate::fit::problem::Free;
 use crate::model::{Drive, Feedback, Form, ValveForm};
 use crate::monitor::config::{Config, Fault};
 use crate::monitor::report::Report;
-use crate::parameter::{PARAMETERS, Parameter, Parameters};
+use crate::parameter::{Parameter, Parameters};
 use crate::trial::SensorNoise;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
@@ -23,7 +23,7 @@ pub const LONGEST_PLAIN: usize = 16 + 6 * CHANGES + FAULTS * 17 + 40;
 /// A fault that is watched.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultSetup {
-    /// Its parameter, as the place in [`PARAMETERS`].
+    /// Its parameter, as the place in the table of parameters.
     pub parameter: u8,
     /// Range: smallest and largest value.
     pub range: [f32; 2],
@@ -38,7 +38,7 @@ pub struct Setup {
     pub version: u8,
     /// Places of valve form, feedback and drive in [`VALVES`], [`FEEDBACKS`] and [`DRIVES`].
     pub form: [u8; 3],
-    /// Parameters that differ from the source's: place in [`PARAMETERS`], and value.
+    /// Parameters that differ from the source's: place in the table of parameters, and value.
     pub changes: Vec<(u8, f32), CHANGES>,
     /// Sample period, s.
     pub sample_period: f32,
@@ -106,7 +106,7 @@ impl Setup {
             feedback: *FEEDBACKS.get(feedback)?,
             drive: *DRIVES.get(drive)?,
         };
-        let parameter = |place: u8| PARAMETERS.get(usize::from(place)).map(|row| row.parameter);
+        let parameter = |place: u8| Parameter::at(place.into());
         let mut parameters = Parameters::default();
         for &(place, value) in &self.changes {
             parameters.set(parameter(place)?, value);

@@ -6,14 +6,15 @@
 //! violates no guard; what is not need not violate one: the guards themselves decide.
 
 use super::events::SPOOL_FORCE_TOLERANCE;
-use super::state::{Input, Mode, State};
+use super::state::{Input, Mode, State, side};
 use super::{Model, ValveForm};
 use crate::scalar::Real;
 
 /// Quantities that the guards of the plain loop bound.
 pub const WATCHED: usize = 6;
 
-const ERROR: usize = 0;
+/// Place of the position error.
+pub const ERROR: usize = 0;
 const FLAPPER: usize = 1;
 const SPOOL: usize = 2;
 const RAM: usize = 3;
@@ -36,8 +37,8 @@ pub struct Corridor<T> {
     slack: T,
 }
 
-/// How a step went from one place to the next.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// How a step went from one place to the next, the least first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Passage {
     /// Between the bounds.
     Clear,
@@ -74,17 +75,25 @@ impl<T: Real> Corridor<T> {
         self.holds(place, &change.map(|value| value.magnitude() * T::literal(0.25)))
     }
 
-    /// The same as [`is_clear`](Self::is_clear), looked at closely: what moves away from its bound needs no margin.
+    /// The same as [`is_clear`](Self::is_clear), looked at closely: what moves away from its bound needs no margin, nor
+    /// does a step that cannot be divided.
     #[inline(never)]
-    pub fn passage(&self, from: &Watched<T>, to: &Watched<T>, swing: &Watched<T>) -> Passage {
+    pub fn passage(
+        &self,
+        from: &Watched<T>,
+        to: &Watched<T>,
+        swing: &Watched<T>,
+        divisible: bool,
+    ) -> Passage {
         let quarter = T::literal(0.25);
         let mut passage = Passage::Clear;
         let mut look = |before: T, after: T, fall: T, slack: T| {
-            if after >= T::ZERO && before.smaller(after) >= fall * quarter {
+            let has_dipped = divisible && before.smaller(after) + slack < fall * quarter;
+            if after + slack >= T::ZERO && !has_dipped {
                 return;
             }
             let has_left = before >= T::ZERO && after < -slack.larger((before - after) * quarter);
-            passage = if has_left || passage == Passage::Left { Passage::Left } else { Passage::Close };
+            passage = passage.max(if has_left { Passage::Left } else { Passage::Close });
         };
         for index in 0..WATCHED {
             let (from, to, swing) = (from[index], to[index], swing[index]);
@@ -147,7 +156,8 @@ impl<T: Real> Model<T> {
             && self.jack.is_affine()
             && !self.jack.has_step_load()
             && !self.jack.has_spring();
-        let is_limited = mode.flapper != 0 || mode.first_stage != 0;
+        // The force on a flapper at its stop depends on the spool alone where the current is at its limit.
+        let is_limited = (mode.flapper != 0 && mode.current == 0) || mode.first_stage != 0;
         let held = mode.jack_slides() || mode.pressure == 0;
         if !plain || is_limited || !held {
             return None;
@@ -164,6 +174,12 @@ impl<T: Real> Model<T> {
         corridor.limit(ERROR, mode.current, self.controller.error_at_limit());
         corridor.limit(FLAPPER, 0, self.pilot.stop);
         corridor.limit(FLAPPER, 0, self.fluid.supply / self.pilot.pressure_gain);
+        if mode.flapper != 0 {
+            let current = self.controller.current(mode.current, T::ZERO, T::ONE);
+            let force = self.pilot.torque_motor_force(current, T::ONE);
+            let balance = self.pilot.balanced_sensed_spool(force, side::<T>(mode.flapper) * self.pilot.stop);
+            corridor.stop(SPOOL, mode.flapper, [balance, balance]);
+        }
         corridor.limit(PRESSURE, mode.pressure, self.fluid.supply);
         // Flapper position for a force on the spool.
         let for_force = |force: T| force / (self.spool.area * self.pilot.pressure_gain);
@@ -190,7 +206,6 @@ impl<T: Real> Model<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::state::side;
     use crate::model::{Drive, Feedback, Form};
     use crate::parameter::Parameters;
     use crate::random::Random;
@@ -199,7 +214,11 @@ mod tests {
     fn place(random: &mut Random, mode: &Mode, p: &Parameters<f64>) -> (State<f64>, Input<f64>) {
         let mut about = |most: f64| most * random.bell::<f64>();
         let z = State {
-            flapper: about(p.flapper_stop),
+            flapper: if mode.flapper == 0 {
+                about(p.flapper_stop)
+            } else {
+                side::<f64>(mode.flapper) * p.flapper_stop
+            },
             flapper_velocity: about(0.1),
             spool: if mode.spool_slides() || mode.spool == 0 {
                 about(p.spool_stop)
@@ -224,10 +243,10 @@ mod tests {
         };
         let model = Model::new(Form::default(), &p);
         let (mut held, mut missed) = (0, 0);
-        for current in [-1, 0, 1] {
+        for (current, flapper) in [(-1, 0), (0, 0), (1, 0), (-1, -1), (-1, 1), (1, 1), (1, -1)] {
             for spool in [-2, -1, 0, 1, 2] {
                 for (jack, pressure) in [(-1, -1), (-1, 0), (1, 1), (1, 0), (0, 0), (2, 0), (-2, 0)] {
-                    let mode = Mode { current, spool, pressure, jack, ..model.mode_at_rest() };
+                    let mode = Mode { current, flapper, spool, pressure, jack, ..model.mode_at_rest() };
                     let corridor = model.corridor(&mode).unwrap();
                     for _ in 0..2000 {
                         let (mut z, input) = place(&mut random, &mode, &p);
@@ -272,6 +291,7 @@ mod tests {
         };
         let p = Parameters::default();
         assert!(!none(Form::default(), p, |_| ()));
+        assert!(!none(Form::default(), p, |mode| (mode.current, mode.flapper) = (1, 1)));
         assert!(none(Form::default(), p, |mode| mode.flapper = 1));
         assert!(none(Form::default(), p, |mode| (mode.pressure, mode.jack) = (1, 0)));
         assert!(none(Form { valve: ValveForm::StaticFlapper, ..Form::default() }, p, |_| ()));

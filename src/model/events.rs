@@ -78,8 +78,9 @@ impl<T: Real> Scales<T> {
 }
 
 impl<T: Real> Model<T> {
-    /// Flapper position and torque-motor force in a mode.
-    #[inline(always)]
+    /// Flapper position and torque-motor force in a mode. Not inlined: six places would hold it, none of them in the
+    /// usual case.
+    #[inline(never)]
     fn flapper_now(&self, mode: &Mode, z: &State<T>, input: &Input<T>) -> (T, T, T) {
         let current = self.controller.current(mode.current, self.demand(mode, z, input), T::ONE);
         let force = self.pilot.torque_motor_force(self.motor_current(mode, z, current, T::ONE), T::ONE);

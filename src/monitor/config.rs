@@ -81,10 +81,10 @@ impl<const FAULTS: usize> Config<FAULTS> {
             return Err(ConfigError::Input);
         }
         for parameter in Parameter::all() {
-            let (value, info) = (self.parameters.get(parameter), parameter.info());
+            let (value, [lower, upper]) = (self.parameters.get(parameter), parameter.range::<f32>());
             // What single precision makes of a bound may lie beyond it.
-            let slack = 1e-6 * (info.upper as f32 - info.lower as f32);
-            if !(value >= info.lower as f32 - slack && value <= info.upper as f32 + slack) {
+            let slack = 1e-6 * (upper - lower);
+            if !(value >= lower - slack && value <= upper + slack) {
                 return Err(ConfigError::Parameter(parameter));
             }
         }
