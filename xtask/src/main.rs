@@ -32,7 +32,7 @@ enum Task {
     Test,
     /// Link the release firmware for every board, panic check included.
     Firmware,
-    /// Make `docs/confusion.md` anew: what `diagnose` makes of every effect of the catalogue. Some ten minutes.
+    /// Make `docs/confusion.md` anew: what `diagnose` makes of every effect of the catalogue. Some twenty minutes.
     Confusion,
     /// Run the monitor beside other programs on the same records and print one table; installs what they need.
     /// Not part of `ci`.

@@ -22,7 +22,7 @@ pub(crate) struct ChannelSet {
 }
 
 /// The sets that are studied.
-pub(crate) const CHANNEL_SETS: [ChannelSet; 3] = [
+pub(crate) static CHANNEL_SETS: [ChannelSet; 3] = [
     ChannelSet { name: "position", channels: &[Channel::UserPosition] },
     ChannelSet { name: "position, current", channels: &[Channel::UserPosition, Channel::Current] },
     ChannelSet { name: "all", channels: &Channel::MEASURED },
@@ -32,7 +32,7 @@ pub(crate) const CHANNEL_SETS: [ChannelSet; 3] = [
 type Change = fn(&mut Plant);
 
 /// What is outside the catalogue, and how the plant gets it.
-pub(crate) const OUTSIDE: [(&str, Change); 4] = [
+pub(crate) const OUTSIDE: [(&str, Change); 7] = [
     ("force of 800 N at 9 Hz", |plant| {
         plant.effects.disturbance = Tone { amplitude: 800.0, frequency: 9.0, phase: 0.3 };
     }),
@@ -41,6 +41,11 @@ pub(crate) const OUTSIDE: [(&str, Change); 4] = [
     }),
     ("drift of the sensor of 10 um/s", |plant| plant.effects.sensor_drift = 1e-5),
     ("load that grows by 300 N/s", |plant| plant.effects.ramp_load = 300.0),
+    ("hum of the sensor of 10 um at 50 Hz", |plant| {
+        plant.effects.sensor_hum = Tone { amplitude: 1e-5, frequency: 50.0, phase: 0.3 };
+    }),
+    ("load of 5e9 N/m3 times the cube of the position", |plant| plant.effects.hardening_spring = 5e9),
+    ("viscous friction that grows by 10 kN s/m for each s", |plant| plant.effects.viscosity_growth = 1e4),
 ];
 
 /// An actuator and how it is recorded.
@@ -50,6 +55,7 @@ pub(crate) struct Case {
     /// Size of the effects, in their floors.
     size: f64,
     set: &'static ChannelSet,
+    /// Seed of the noise.
     seed: u64,
     bkl: f64,
     fdj: f64,
@@ -73,8 +79,10 @@ pub(crate) struct Left {
 pub(crate) enum Outcome {
     /// Nothing is claimed, and what is left is noise.
     Adequate,
-    /// The right effects are named, the widest class having so many members.
+    /// The right effects are named and no other, the widest class having so many members.
     Named(usize),
+    /// The right effects are named, and others besides.
+    Surplus,
     /// The right effects are not all among those named.
     Wrong,
     /// Something is left, and nothing is named.
@@ -93,7 +101,8 @@ impl Case {
     /// held-out command follow from the name and the seed.
     pub(crate) fn new(what: &'static str, size: f64, set: &'static ChannelSet, seed: u64) -> Self {
         let name: u64 = what.bytes().fold(7, |sum: u64, byte| sum.wrapping_mul(31) + u64::from(byte));
-        let mut random = Gauss::new(name ^ (seed << 32));
+        let seed = name ^ (seed << 32);
+        let mut random = Gauss::new(seed);
         let bkl = 5e-5 + 3e-4 * unit(&mut random);
         let fdj = 300.0 + 1200.0 * unit(&mut random);
         let position = 1e-6 + 9e-6 * unit(&mut random);
@@ -190,7 +199,7 @@ impl Case {
         for (channel, (values, noise)) in
             Channel::MEASURED.into_iter().zip(series.into_iter().zip(self.noise))
         {
-            add_noise(values, noise, self.seed * 1000 + index as u64 * 10 + channel as u64);
+            add_noise(values, noise, self.seed.wrapping_mul(1000) + index as u64 * 10 + channel as u64);
             if noise == self.noise[0] && self.quantum > 0.0 {
                 quantise(values, self.quantum);
             }
@@ -235,10 +244,10 @@ impl Case {
             Outcome::Unexplained
         } else {
             let is_named = |name: &&str| named.iter().any(|class| class.contains(name));
-            if !self.what.is_empty() && self.what.iter().all(is_named) {
-                Outcome::Named(named.iter().map(Vec::len).max().unwrap_or(0))
-            } else {
-                Outcome::Wrong
+            match (self.what.iter().all(is_named), named.len() > self.what.len()) {
+                (false, _) => Outcome::Wrong,
+                (true, true) => Outcome::Surplus,
+                (true, false) => Outcome::Named(named.iter().map(Vec::len).max().unwrap_or(0)),
             }
         }
     }

@@ -1,7 +1,7 @@
 //! What `diagnose` makes of every effect of the catalogue, alone and in pairs, and of what is not in it: records of the
 //! independent plant, with the effect at half, once and twice the size from which statistics can see it.
 //!
-//! `docs/confusion.md` is the result. `cargo xtask confusion` makes it anew, which takes some ten minutes; the tests make
+//! `docs/confusion.md` is the result. `cargo xtask confusion` makes it anew, which takes some twenty minutes; the tests make
 //! a part of it and compare.
 
 #[path = "../../../tests/common/mod.rs"]
@@ -24,7 +24,7 @@ fn document() -> PathBuf {
 }
 
 #[test]
-#[ignore = "the whole table takes some ten minutes"]
+#[ignore = "the whole table takes some twenty minutes"]
 fn write_the_table() {
     let sections = table::sections();
     let text = table::document(&sections);

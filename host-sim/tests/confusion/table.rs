@@ -2,6 +2,7 @@
 
 use crate::cases::{CHANNEL_SETS, Case, ChannelSet, OUTSIDE, Outcome};
 use eha_monitor::effect::{EFFECTS, Port};
+use rayon::prelude::*;
 use std::fmt::Write as _;
 
 /// Sizes of an effect alone, in its floors.
@@ -9,9 +10,7 @@ const SIZES: [f64; 3] = [0.5, 1.0, 2.0];
 /// Size of each of two effects, in their floors.
 const PAIR_SIZE: f64 = 4.0;
 /// Channels of the pairs, and of what is outside the catalogue.
-const USUAL: &ChannelSet = &CHANNEL_SETS[1];
-/// Channels of the rows of a single effect: all of them take as long again.
-const SINGLE_SETS: &[ChannelSet] = CHANNEL_SETS.split_at(2).0;
+static USUAL: &ChannelSet = &CHANNEL_SETS[1];
 /// Clean actuators for each set of channels.
 const CLEAN: u64 = 8;
 /// Pairs that are studied: of different ports, of the same, one large against one small.
@@ -80,6 +79,7 @@ impl Outcome {
             Self::Adequate => "adequate".to_owned(),
             Self::Named(1) => "named".to_owned(),
             Self::Named(count) => format!("named, one of {count}"),
+            Self::Surplus => "named, and more".to_owned(),
             Self::Wrong => "wrong name".to_owned(),
             Self::Unexplained => "unexplained".to_owned(),
             Self::Modelled => "modelled".to_owned(),
@@ -87,44 +87,40 @@ impl Outcome {
     }
 }
 
-/// The rows, each shown as soon as it is made.
-fn shown(rows: impl Iterator<Item = Row>) -> Vec<Row> {
-    rows.inspect(|row| eprintln!("{}", row.line())).collect()
+/// A row for each of some things, made side by side, each shown as soon as it is made.
+fn rows<T: Sync>(of: &[T], row: impl Fn(&T) -> Row + Sync + Send) -> Vec<Row> {
+    of.par_iter().map(row).inspect(|row| eprintln!("{}", row.line())).collect()
 }
 
 /// Runs every case.
 pub(crate) fn sections() -> Vec<Section> {
+    // A valve drives these actuators.
+    let of_valve = || EFFECTS.iter().filter(|effect| effect.port != Port::Drive);
+    let singles: Vec<(&'static str, &'static ChannelSet)> =
+        CHANNEL_SETS.iter().flat_map(|set| of_valve().map(move |effect| (effect.name, set))).collect();
     vec![
         Section {
             title: "Clean actuators",
             columns: &["effect", "channels", "1", "2", "3", "4", "5", "6", "7", "8"],
-            rows: shown(CHANNEL_SETS.iter().map(Row::clean)),
+            rows: rows(&CHANNEL_SETS.each_ref(), |set| Row::clean(set)),
             is_right: |outcome| *outcome == Outcome::Adequate,
         },
         Section {
             title: "One effect, at half, once and twice its floor",
             columns: &["effect", "channels", "half", "once", "twice"],
-            // A valve drives these actuators.
-            rows: shown(SINGLE_SETS.iter().flat_map(|set| {
-                let of_valve = EFFECTS.iter().filter(|effect| effect.port != Port::Drive);
-                of_valve.map(|effect| Row::single(effect.name, set))
-            })),
+            rows: rows(&singles, |(name, set)| Row::single(name, set)),
             is_right: |outcome| matches!(outcome, Outcome::Named(_)),
         },
         Section {
             title: "Two effects, each at four times its floor",
             columns: &["effects", "channels", "outcome"],
-            rows: shown(
-                PAIRS.iter().map(|pair| Row::of(pair, USUAL, [Case::new(pair, PAIR_SIZE, USUAL, 0)])),
-            ),
+            rows: rows(&PAIRS, |pair| Row::of(pair, USUAL, [Case::new(pair, PAIR_SIZE, USUAL, 0)])),
             is_right: |outcome| matches!(outcome, Outcome::Named(_)),
         },
         Section {
             title: "Outside the catalogue",
             columns: &["what", "channels", "outcome"],
-            rows: shown(
-                OUTSIDE.iter().map(|(name, _)| Row::of(name, USUAL, [Case::new(name, 1.0, USUAL, 0)])),
-            ),
+            rows: rows(&OUTSIDE, |(name, _)| Row::of(name, USUAL, [Case::new(name, 1.0, USUAL, 0)])),
             is_right: |outcome| matches!(outcome, Outcome::Unexplained | Outcome::Modelled),
         },
     ]
@@ -157,12 +153,12 @@ impl Section {
         let count = |is: &dyn Fn(&Outcome) -> bool| outcomes.iter().filter(|outcome| is(outcome)).count();
         let _ = writeln!(
             text,
-            "- {what}: right {} of {}, adequate {}, unexplained {}, wrong name {}",
+            "- {what}: right {} of {}, adequate {}, unexplained {}, with a wrong name {}",
             count(&self.is_right),
             outcomes.len(),
             count(&|outcome| *outcome == Outcome::Adequate),
             count(&|outcome| *outcome == Outcome::Unexplained),
-            count(&|outcome| *outcome == Outcome::Wrong),
+            count(&|outcome| matches!(outcome, Outcome::Wrong | Outcome::Surplus)),
         );
     }
 }
@@ -178,7 +174,7 @@ pub(crate) fn document(sections: &[Section]) -> String {
          The *floor* of an effect is the size at which, the faults refitted, it is expected to lower chi-square by the \
          price of claiming it and to change a channel by more than the model's own error (0.3 um, 3 uA, 3 kPa). At once \
          the floor half of the claims are a matter of luck; below it nothing should be claimed.\n\n\
-         *named*: the effect is found. *one of 3*: in a class of three that the records cannot tell apart. *modelled*: \
+         *named*: the effect is found, and no other. *one of 3*: in a class of three that the records cannot tell apart. *modelled*: \
          effects stand in for what is outside the catalogue, and bring the held-out record to 1.5 times its noise.\n",
     );
     for section in sections {

@@ -206,6 +206,12 @@ pub struct Effects {
     pub disturbance: Tone,
     /// Outside the catalogue: drift of the sensor (m/s).
     pub sensor_drift: f64,
+    /// Outside the catalogue: hum of the sensor (m).
+    pub sensor_hum: Tone,
+    /// Outside the catalogue: load that grows with the cube of the position (N/m³).
+    pub hardening_spring: f64,
+    /// Outside the catalogue: viscous friction that grows with time, as the oil cools (N s/m for each s).
+    pub viscosity_growth: f64,
     /// `viscous-asymmetry`: viscous friction of retraction beyond that of extension (N s/m).
     pub retraction_viscosity: f64,
     /// `shear-thinning`: viscous friction at rest that shearing takes away (N s/m).
@@ -220,15 +226,25 @@ pub struct Effects {
     pub detent_phase: f64,
 }
 
-/// A sinusoidal force `amplitude * sin(2*pi*frequency*t + phase)`.
+/// A sinusoidal force or hum, `amplitude * sin(2*pi*frequency*t + phase)`.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Tone {
-    /// Amplitude (N).
+    /// Amplitude (N, m).
     pub amplitude: f64,
     /// Frequency (Hz).
     pub frequency: f64,
     /// Phase at the start (rad).
     pub phase: f64,
+}
+
+impl Tone {
+    /// Its value at a time (s).
+    pub(crate) fn at(self, t: f64) -> f64 {
+        match self.amplitude {
+            0.0 => 0.0,
+            amplitude => amplitude * (std::f64::consts::TAU * self.frequency * t + self.phase).sin(),
+        }
+    }
 }
 
 /// The cylinder's body as a mass on a spring and a damper. A massless body would close an algebraic loop through

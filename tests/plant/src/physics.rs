@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::{Command, Effects, Feedback, Parameters, Tone, Valve};
+use crate::{Command, Effects, Feedback, Parameters, Valve};
 
 /// Backlash operator of half width `h`: the state stays, unless the input pushes it along.
 pub fn play(input: f64, state: f64, h: f64) -> f64 {
@@ -151,13 +151,9 @@ impl Equations<'_> {
 
     fn load(&self, t: f64, ram_over_ground: f64) -> f64 {
         let e = self.e;
-        let tone = |tone: Tone| match tone.amplitude {
-            0.0 => 0.0,
-            amplitude => amplitude * (TAU * tone.frequency * t + tone.phase).sin(),
-        };
         let step = if t >= e.step_load_time { e.step_load } else { 0.0 };
-        let spring = self.p.load_stiffness * ram_over_ground;
-        e.constant_load + e.ramp_load * t + tone(e.sine_load) + step + spring + tone(e.disturbance)
+        let spring = self.p.load_stiffness * ram_over_ground + e.hardening_spring * ram_over_ground.powi(3);
+        e.constant_load + e.ramp_load * t + e.sine_load.at(t) + step + spring + e.disturbance.at(t)
     }
 
     /// Returns `P12` and its rate; the rate is zero for an incompressible fluid, where `P12` follows at once.
@@ -276,7 +272,8 @@ impl Equations<'_> {
             0.0 => 0.0,
             at_rest => at_rest / (1.0 + v.abs() / e.thinning_velocity),
         };
-        let viscosity = p.jack_viscosity + if v < 0.0 { e.retraction_viscosity } else { 0.0 };
+        let one_sided = if v < 0.0 { e.retraction_viscosity } else { 0.0 };
+        let viscosity = p.jack_viscosity + one_sided + e.viscosity_growth * t;
         let damping = (viscosity.max(0.0) + thinned + e.quadratic_drag * v.abs()) * v;
         let drive = p.jack_area * pressure - damping - detent;
         let (ram_mobility, body_mobility) = (1.0 / p.jack_mass, e.mount.map_or(0.0, |m| 1.0 / m.mass));
