@@ -104,9 +104,7 @@ impl Hypothesis {
     /// smaller one. Records that the other model leaves noise on do not count.
     pub(super) fn share_of(&self, other: &Self) -> f64 {
         let share = |own: &Misfit<f64>, other: &Misfit<f64>| {
-            let excess = |misfit: &Misfit<f64>| misfit.mean_square() - 1.0;
-            let noise = RESIDUAL_LIMIT * (2.0 / f64::from(other.count)).sqrt();
-            if excess(other) > noise { 1.0 - excess(own) / excess(other) } else { 1.0 }
+            beyond_noise(other).map_or(1.0, |beyond| (other.chi_square - own.chi_square) / beyond)
         };
         share(&self.train.misfit, &other.train.misfit).min(share(&self.joint.misfit, &other.joint.misfit))
     }
@@ -216,7 +214,9 @@ impl Hypothesis {
 
     /// The hypotheses with one more effect that the fitted records ask for.
     pub(super) fn grow(&self, case: &Case<'_>) -> Vec<Self> {
-        let mut candidates = self.fit_promising(case, 0.0);
+        // What is left after an effect is coloured: what takes less than a tenth of it is not worth a fit.
+        let wanted = beyond_noise(&self.train.misfit).filter(|_| !self.added.is_empty());
+        let mut candidates = self.fit_promising(case, wanted.unwrap_or(0.0));
         let Some(best) = candidates.first() else { return Vec::new() };
         let scale = best.fit.misfit.mean_square().max(1.0);
         let best = best.fit.misfit.chi_square;
@@ -343,6 +343,13 @@ impl Hypothesis {
         });
         others
     }
+}
+
+/// Chi-square beyond what noise makes of it; none where noise may be all there is.
+fn beyond_noise(misfit: &Misfit<f64>) -> Option<f64> {
+    let count = f64::from(misfit.count);
+    let beyond = misfit.chi_square - count;
+    (beyond > RESIDUAL_LIMIT * (2.0 * count).sqrt()).then_some(beyond)
 }
 
 /// Do two models have the same effects?

@@ -53,7 +53,11 @@ impl Plant {
     /// Static errors of the sensor.
     fn sense(&self, t: f64, x: f64) -> f64 {
         let e = &self.effects;
-        x * (1.0 + e.sensor_gain) + e.sensor_cubic * x.powi(3) + e.sensor_offset + e.sensor_drift * t + e.sensor_hum.at(t)
+        x * (1.0 + e.sensor_gain)
+            + e.sensor_cubic * x.powi(3)
+            + e.sensor_offset
+            + e.sensor_drift * t
+            + e.sensor_hum.at(t)
     }
 }
 
