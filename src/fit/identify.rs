@@ -200,7 +200,7 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
 }
 
 /// Is the mean square within five standard deviations (`sqrt(2/n)`) of what noise alone gives?
-pub(crate) fn within_noise<T: Real>(misfit: &Misfit<T>) -> bool {
+pub fn within_noise<T: Real>(misfit: &Misfit<T>) -> bool {
     let excess = misfit.mean_square() - T::ONE;
     let count = T::from_count(misfit.count);
     excess <= T::ZERO || excess * excess * count <= T::literal(25.0 * 2.0)

@@ -7,6 +7,7 @@ use crate::fit::{self, Estimate, Fit, Polished};
 use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
+use eha_monitor::fit::identify::within_noise;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
 use rayon::prelude::*;
@@ -272,11 +273,8 @@ impl Hypothesis {
                 .iter()
                 .filter(|earned| !self.earns(case, earned))
                 .min_by(|a, b| a.evidence.total_cmp(&b.evidence));
-            if let Some(weakest) = weakest {
-                self = weakest.without.clone();
-                continue;
-            }
-            return (self, earned);
+            let Some(weakest) = weakest else { return (self, earned) };
+            self = weakest.without.clone();
         }
     }
 
@@ -347,9 +345,7 @@ impl Hypothesis {
 
 /// Chi-square beyond what noise makes of it; none where noise may be all there is.
 fn beyond_noise(misfit: &Misfit<f64>) -> Option<f64> {
-    let count = f64::from(misfit.count);
-    let beyond = misfit.chi_square - count;
-    (beyond > RESIDUAL_LIMIT * (2.0 * count).sqrt()).then_some(beyond)
+    (!within_noise(misfit)).then(|| misfit.chi_square - f64::from(misfit.count))
 }
 
 /// Do two models have the same effects?

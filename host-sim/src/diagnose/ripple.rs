@@ -50,11 +50,8 @@ pub(super) fn ripples(rig: &Rig, records: &[Prepared]) -> Vec<Ripple> {
     if !way.is_finite() || way <= 0.0 {
         return Vec::new();
     }
-    let traces: Vec<Trace<'_>> = records
-        .iter()
-        .zip(&predictions)
-        .flat_map(|(record, outputs)| Trace::all(rig, record, outputs))
-        .collect();
+    let traces: Vec<Trace<'_>> =
+        records.iter().zip(&predictions).map(|(record, outputs)| Trace::new(rig, record, outputs)).collect();
     let pitch = |line: usize| way / (FEWEST_PERIODS + line as f64 / PARTS);
     let lines = ((MOST_PERIODS - FEWEST_PERIODS) * PARTS) as usize;
     let pulls: Vec<f64> =
@@ -70,37 +67,44 @@ pub(super) fn ripples(rig: &Rig, records: &[Prepared]) -> Vec<Ripple> {
     judged
 }
 
-/// One measured channel of a record, as a force on the ram sees it.
+/// A record as a force on the ram sees it.
 struct Trace<'a> {
     record: &'a Prepared,
     outputs: &'a [Outputs<f64>],
-    /// What the channel does in the samples after a force of 1 N that lasts for one, in units of its noise.
-    answer: Vec<f64>,
+    /// What each channel that is used does in the samples after a force of 1 N that lasts for one, in units of its
+    /// noise.
+    answers: Vec<Vec<f64>>,
     /// Slope of half of chi-square over a force in each sample, 1/N.
     pull: Vec<f64>,
 }
 
 impl<'a> Trace<'a> {
-    /// The traces of a record, one for each channel that is used.
-    fn all(rig: &Rig, record: &'a Prepared, outputs: &'a [Outputs<f64>]) -> Vec<Self> {
-        let answers = answers(rig, record, outputs);
-        let used = answers.into_iter().enumerate().filter(|(channel, _)| record.noise[*channel].is_finite());
-        used.map(|(channel, answer)| Self::new(record, outputs, channel, &answer)).collect()
+    fn new(rig: &Rig, record: &'a Prepared, outputs: &'a [Outputs<f64>]) -> Self {
+        let mut trace = Self { record, outputs, answers: Vec::new(), pull: vec![0.0; record.len()] };
+        for (channel, mut answer) in answers(rig, record, outputs).into_iter().enumerate() {
+            let noise = record.noise[channel];
+            if noise.is_finite() {
+                for value in &mut answer {
+                    *value /= noise;
+                }
+                trace.listen(channel, &answer);
+                trace.answers.push(answer);
+            }
+        }
+        trace
     }
 
-    fn new(record: &'a Prepared, outputs: &'a [Outputs<f64>], channel: usize, answer: &[f64]) -> Self {
-        let noise = record.noise[channel];
-        let answer: Vec<f64> = answer.iter().map(|value| value / noise).collect();
-        let mut pull = vec![0.0; record.len()];
-        for (sample, (value, outputs)) in record.measured(channel).iter().zip(outputs).enumerate() {
-            let residual = (value - outputs.to_array()[channel]) / noise;
+    /// Adds what a channel's residual says of a force in each sample before.
+    fn listen(&mut self, channel: usize, answer: &[f64]) {
+        let record = self.record;
+        for (sample, (value, outputs)) in record.measured(channel).iter().zip(self.outputs).enumerate() {
+            let residual = (value - outputs.to_array()[channel]) / record.noise[channel];
             if record.is_compared(sample) && residual.is_finite() {
                 for (lag, answer) in answer.iter().enumerate().take(record.since_start(sample)) {
-                    pull[sample - lag - 1] += answer * residual;
+                    self.pull[sample - lag - 1] += answer * residual;
                 }
             }
         }
-        Self { record, outputs, answer, pull }
     }
 
     /// Cosine and sine of a pitch at each sample.
@@ -126,9 +130,11 @@ fn judged(traces: &[Trace<'_>], pitch: f64) -> Option<Ripple> {
     for trace in traces {
         let ripple: Vec<Vector2<f64>> = trace.ripple(pitch).collect();
         for sample in (0..ripple.len()).filter(|&sample| trace.record.is_compared(sample)) {
-            let past = trace.answer.iter().take(trace.record.since_start(sample)).enumerate();
-            let shown: Vector2<f64> = past.map(|(lag, answer)| ripple[sample - lag - 1] * *answer).sum();
-            curvature += shown * shown.transpose();
+            for answer in &trace.answers {
+                let past = answer.iter().take(trace.record.since_start(sample)).enumerate();
+                let shown: Vector2<f64> = past.map(|(lag, answer)| ripple[sample - lag - 1] * *answer).sum();
+                curvature += shown * shown.transpose();
+            }
         }
     }
     let pull = pull(traces, pitch);

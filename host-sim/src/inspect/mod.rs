@@ -3,6 +3,7 @@
 pub mod excitation;
 
 use crate::fit;
+use crate::output::counted;
 use crate::record::Record;
 use crate::rig::{Range, Rig};
 use eha_monitor::channel::{Channel, ChannelRole};
@@ -42,6 +43,11 @@ impl Inspection {
         Self { facts: facts(&record, &noise), promises, trials, best_gain, record }
     }
 
+    /// What all recorded channels together promise.
+    pub fn own_promise(&self) -> Option<&Promise> {
+        self.promises.iter().filter(|promise| promise.recorded).max_by_key(|promise| promise.channels.len())
+    }
+
     /// What to fly next.
     pub fn advice(&self) -> String {
         match (self.best_gain, self.trials.first()) {
@@ -73,6 +79,29 @@ pub struct ChannelFacts {
     pub saturated_share: f64,
 }
 
+impl ChannelFacts {
+    /// What [`cells`](Self::cells) holds.
+    pub const COLUMNS: [&str; 8] =
+        ["channel", "smallest", "largest", "noise", "step", "lost", "longest gap", "on an extreme"];
+
+    /// The facts as a row of a table; `quantity` writes a value with its unit.
+    pub fn cells(&self, quantity: fn(f64, &str) -> String) -> [String; 8] {
+        let info = self.channel.info();
+        let shown = |value| quantity(value, info.unit);
+        let or_none = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), shown);
+        [
+            info.column.to_owned(),
+            shown(self.range[0]),
+            shown(self.range[1]),
+            or_none(self.noise),
+            or_none(Some(self.quantum).filter(|&step| step > 0.0)),
+            self.missing.to_string(),
+            format!("{:.0} ms", self.longest_gap_s * 1e3),
+            format!("{:.1} %", self.saturated_share * 100.0),
+        ]
+    }
+}
+
 /// How the position follows the command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
@@ -95,11 +124,27 @@ pub struct Motion {
     pub rest_share: f64,
 }
 
+impl Motion {
+    /// The motion in words; `quantity` writes a value with its unit.
+    pub fn in_words(&self, quantity: fn(f64, &str) -> String) -> String {
+        format!(
+            "travel {}, top speed {:.3} m/s, {}, {:.0} % of the time at rest",
+            quantity(self.travel_m, "m"),
+            self.top_speed_m_s,
+            counted(self.reversals, "reversal"),
+            self.rest_share * 100.0
+        )
+    }
+}
+
 /// What is said of a record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Facts {
     /// Its channels.
     pub channels: Vec<ChannelFacts>,
+    /// Correlation of the position with the command so many samples before, from none on; empty where the command
+    /// does not move.
+    pub likeness: Vec<f64>,
     /// How it follows its command; none where the command does not move.
     pub response: Option<Response>,
     /// What the ram did.
@@ -122,10 +167,11 @@ pub fn facts(record: &Record, noise: &[f64]) -> Facts {
     let channels: Vec<ChannelFacts> =
         record.channels().map(|(channel, values)| channel_facts(record, channel, values, noise)).collect();
     let position = record.channel(Channel::UserPosition).unwrap_or_default();
-    let response = response(&likeness(record), record.sample_period_s());
+    let likeness = likeness(record);
+    let response = response(&likeness, record.sample_period_s());
     let motion = motion(position, record.sample_period_s(), noise[0]);
     let notes = notes(record, &channels, response, motion);
-    Facts { channels, response, motion, notes }
+    Facts { channels, likeness, response, motion, notes }
 }
 
 fn finite(values: &[f64]) -> impl Iterator<Item = f64> {
@@ -164,9 +210,7 @@ fn channel_facts(record: &Record, channel: Channel, values: &[f64], noise: &[f64
     }
 }
 
-/// Correlation of the position with the command so many samples before, from none on; empty where the command does not
-/// move.
-pub fn likeness(record: &Record) -> Vec<f64> {
+fn likeness(record: &Record) -> Vec<f64> {
     let position = record.channel(Channel::UserPosition).unwrap_or_default();
     let command = record.channel(Channel::Command).unwrap_or_default();
     let [low, high] = range(command);

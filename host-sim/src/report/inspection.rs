@@ -8,7 +8,7 @@ use super::rows::{Row, Rows, Shape};
 use super::scale::{Axis, shown};
 use super::statistics::spectrum;
 use crate::inspect::excitation::{SHOWN, grade};
-use crate::inspect::{ChannelFacts, Inspection, likeness, rests};
+use crate::inspect::{ChannelFacts, Inspection, rests};
 use crate::output::counted;
 use crate::rig::Range;
 use eha_monitor::channel::{Channel, ChannelRole};
@@ -60,9 +60,8 @@ fn tiles(ranges: &[Range], one: &Inspection) -> Vec<Tile> {
             detail,
         ));
     }
-    let own =
-        one.promises.iter().filter(|promise| promise.recorded).max_by_key(|promise| promise.channels.len());
-    for (range, &error) in ranges.iter().zip(own.iter().flat_map(|own| &own.standard_errors)) {
+    let own = one.own_promise().into_iter().flat_map(|own| &own.standard_errors);
+    for (range, &error) in ranges.iter().zip(own) {
         let info = range.parameter.info();
         let detail = format!("{}; 95 % interval: {}", info.description, grade(range, error));
         tiles.push(Tile::new(
@@ -95,35 +94,9 @@ fn section(ranges: &[Range], one: &Inspection) -> Markup {
 }
 
 fn channels(one: &Inspection) -> Markup {
-    let rows: Vec<Vec<String>> = one
-        .facts
-        .channels
-        .iter()
-        .map(|facts| {
-            let info = facts.channel.info();
-            let q = |value| shown(value, info.unit);
-            vec![
-                info.column.to_owned(),
-                q(facts.range[0]),
-                q(facts.range[1]),
-                facts.noise.map_or_else(|| "-".to_owned(), q),
-                if facts.quantum > 0.0 { q(facts.quantum) } else { "-".to_owned() },
-                facts.missing.to_string(),
-                format!("{:.0} ms", facts.longest_gap_s * 1e3),
-                format!("{:.1} %", facts.saturated_share * 100.0),
-            ]
-        })
-        .collect();
-    let motion = one.facts.motion;
-    let note = format!(
-        "Travel {}, top speed {:.3} m/s, {}, {:.0} % of the time at rest.",
-        shown(motion.travel_m, "m"),
-        motion.top_speed_m_s,
-        counted(motion.reversals, "reversal"),
-        motion.rest_share * 100.0
-    );
-    let header = ["channel", "smallest", "largest", "noise", "step", "lost", "longest gap", "on an extreme"];
-    table("Channels", &note, &header, &rows, true)
+    let rows: Vec<Vec<String>> = one.facts.channels.iter().map(|facts| facts.cells(shown).to_vec()).collect();
+    let note = format!("Motion: {}.", one.facts.motion.in_words(shown));
+    table("Channels", &note, &ChannelFacts::COLUMNS, &rows, true)
 }
 
 /// Runs of lost samples that are marked: more would not be told apart.
@@ -190,10 +163,12 @@ fn lost(values: &[f64]) -> Vec<(usize, f64)> {
 fn delay(one: &Inspection) -> Markup {
     let Some(response) = one.facts.response else { return html! {} };
     let period = one.record.sample_period_s();
-    let points: Vec<[f64; 2]> = likeness(&one.record)
-        .into_iter()
+    let points: Vec<[f64; 2]> = one
+        .facts
+        .likeness
+        .iter()
         .enumerate()
-        .map(|(delay, correlation)| [delay as f64 * period * 1e3, correlation])
+        .map(|(delay, &correlation)| [delay as f64 * period * 1e3, correlation])
         .collect();
     let end = points.last().map_or(1.0, |point| point[0]);
     let layers =
@@ -277,8 +252,7 @@ fn by_command(one: &Inspection, range: &Range, index: usize) -> Markup {
         return html! {};
     }
     let own =
-        one.promises.iter().filter(|promise| promise.recorded).max_by_key(|promise| promise.channels.len());
-    let own = own.map(|own| ("this record".to_owned(), Role::Model, own.standard_errors[index]));
+        one.own_promise().map(|own| ("this record".to_owned(), Role::Model, own.standard_errors[index]));
     let trials = one
         .trials
         .iter()

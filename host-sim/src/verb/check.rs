@@ -3,9 +3,9 @@
 use super::{DEFAULT_RIG, InputOptions, assignments};
 use crate::cli::Common;
 use crate::failure::Failure;
-use crate::inspect::Inspection;
 use crate::inspect::excitation::{SHOWN, grade};
-use crate::output::{self, SCHEMA, counted, quantity};
+use crate::inspect::{ChannelFacts, Inspection};
+use crate::output::{self, SCHEMA, quantity};
 use crate::report;
 use crate::rig::{Range, Rig};
 use serde_json::{Value, json};
@@ -134,33 +134,16 @@ fn print(ranges: &[Range], one: &Inspection) -> Result<(), Failure> {
         record.len() as f64 * record.sample_period_s(),
         record.start_time_s()
     ))?;
-    let mut table =
-        output::table(["channel", "smallest", "largest", "noise", "step", "lost", "on an extreme"]);
+    let mut table = output::table(ChannelFacts::COLUMNS);
     for channel in &facts.channels {
-        let info = channel.channel.info();
-        let q = |value| quantity(value, info.unit);
-        table.add_row([
-            info.column.to_owned(),
-            q(channel.range[0]),
-            q(channel.range[1]),
-            channel.noise.map_or_else(|| "-".to_owned(), q),
-            if channel.quantum > 0.0 { q(channel.quantum) } else { "-".to_owned() },
-            channel.missing.to_string(),
-            format!("{:.1} %", channel.saturated_share * 100.0),
-        ]);
+        table.add_row(channel.cells(quantity));
     }
     output::print(&table.to_string())?;
     let delay = facts.response.map_or_else(
         || "-".to_owned(),
         |response| format!("{:.1} ms (correlation {:.3})", response.delay_s * 1e3, response.correlation),
     );
-    output::print(&format!(
-        "response behind the command: {delay}; travel {}, top speed {:.3} m/s, {}, {:.0} % of the time at rest",
-        quantity(facts.motion.travel_m, "m"),
-        facts.motion.top_speed_m_s,
-        counted(facts.motion.reversals, "reversal"),
-        facts.motion.rest_share * 100.0
-    ))?;
+    output::print(&format!("response behind the command: {delay}; {}", facts.motion.in_words(quantity)))?;
     for note in &facts.notes {
         output::print(&format!("note: {note}"))?;
     }
