@@ -9,15 +9,19 @@ use eha_monitor::parameter::Parameter;
 
 /// Half width of the search for an effect's parameter, in its sizes.
 const REACH: f64 = 20.0;
+/// The same for what would be small: a difference in the wide range would jump over an effect that a channel shows far
+/// better than the position does.
+const NEAR: f64 = 0.6;
 /// Factor by which a range is widened where a fit ends at its edge, and how often.
 const WIDER: f64 = 10.0;
 const MOST_WIDENED: usize = 3;
 /// Times at which a step load is looked for.
 const STEP_TIMES: usize = 10;
-/// Where an effect is looked for, in its sizes: a play or a dead zone that is seen at one size is not linear in it.
-const ONE_SIDED: &[f64] = &[0.0, 0.03, 0.3, 3.0];
+/// Where an effect is looked for, and how far around, in its sizes: a play or a dead zone that is seen at one size is
+/// not linear in it.
+const ONE_SIDED: &[(f64, f64)] = &[(0.0, NEAR), (0.03, REACH), (0.3, REACH), (3.0, REACH)];
 /// The same for what can be on either side of its absence.
-const TWO_SIDED: &[f64] = &[-2.0, 0.0, 2.0];
+const TWO_SIDED: &[(f64, f64)] = &[(-2.0, REACH), (0.0, REACH), (2.0, REACH)];
 
 /// An effect that was fitted together with everything that was free before.
 #[derive(Clone, Debug)]
@@ -50,57 +54,97 @@ pub(super) fn applies(effect: &EffectInfo, rig: &Rig, ranges: &[Range]) -> bool 
     !part_of_model && !out_of_place && !no_drive
 }
 
-/// Ranges of an effect's parameters around the values that a rig has.
-fn effect_ranges(effect: &EffectInfo, rig: &Rig, duration: f64, ripples: &[Ripple]) -> Vec<Range> {
-    effect
-        .parameters
+/// Where a fit starts.
+#[derive(Clone, Debug)]
+struct Place {
+    /// The free parameters.
+    ranges: Vec<Range>,
+    /// Their values.
+    values: Vec<f64>,
+}
+
+impl Place {
+    /// Some parameters where a rig has them.
+    fn of(rig: &Rig, ranges: &[Range]) -> Self {
+        let values = ranges.iter().map(|range| rig.parameters.get(range.parameter)).collect();
+        Self { ranges: ranges.to_vec(), values }
+    }
+
+    /// The same with other parameters behind its own.
+    fn with(&self, others: &Self) -> Self {
+        Self {
+            ranges: [&self.ranges[..], &others.ranges].concat(),
+            values: [&self.values[..], &others.values].concat(),
+        }
+    }
+}
+
+/// Where the fit of an effect's parameters starts in a rig, for records of a duration, s, that show some ripples.
+fn places(effect: &EffectInfo, rig: &Rig, duration: f64, ripples: &[Ripple]) -> Vec<Place> {
+    let around = |parameter: Parameter, half_width: f64| {
+        let (info, here) = (parameter.info(), rig.parameters.get(parameter));
+        let (lower, upper) = ((here - half_width).max(info.lower), (here + half_width).min(info.upper));
+        Range { parameter, lower, upper }
+    };
+    let (first, size) = (effect.parameters[0], effect.sizes[0]);
+    let ranges = |reach: f64| -> Vec<Range> {
+        let others = effect.parameters.iter().zip(effect.sizes).skip(1);
+        std::iter::once(around(first, reach * size))
+            .chain(others.map(|(&parameter, size)| around(parameter, REACH * size)))
+            .collect()
+    };
+    let here = rig.parameters.get(first);
+    if effect.parameters.contains(&Parameter::StepLoadTime) {
+        let time = |step: usize| duration * (step as f64 + 0.5) / STEP_TIMES as f64;
+        let all = Range { parameter: Parameter::StepLoadTime, lower: 0.0, upper: duration };
+        let ranges = vec![around(first, REACH * size), all];
+        return (0..STEP_TIMES)
+            .map(|step| Place { ranges: ranges.clone(), values: vec![here + 0.5 * size, time(step)] })
+            .collect();
+    }
+    if effect.parameters.contains(&Parameter::CoggingPitch) {
+        let [amplitudes @ .., _] = &ranges(REACH)[..] else { return Vec::new() };
+        return ripples
+            .iter()
+            .map(|ripple| Place {
+                ranges: [amplitudes, &[ripple.pitch_range()]].concat(),
+                values: vec![ripple.amplitudes[0], ripple.amplitudes[1], ripple.pitch],
+            })
+            .collect();
+    }
+    let info = first.info();
+    let multiples = if here <= info.lower { ONE_SIDED } else { TWO_SIDED };
+    multiples
         .iter()
-        .zip(effect.sizes)
-        .map(|(&parameter, &size)| {
-            let (info, here) = (parameter.info(), rig.parameters.get(parameter));
-            if parameter == Parameter::StepLoadTime {
-                return Range { parameter, lower: 0.0, upper: duration };
-            }
-            if parameter == Parameter::CoggingPitch {
-                let reach = |factor: f64| ripples.iter().map(move |ripple| ripple.pitch * factor);
-                let (low, high) = (1.0 - ripple::PITCH_REACH, 1.0 + ripple::PITCH_REACH);
-                return Range {
-                    parameter,
-                    lower: reach(low).fold(info.upper, f64::min).max(info.lower),
-                    upper: reach(high).fold(info.lower, f64::max).min(info.upper),
-                };
-            }
-            Range {
-                parameter,
-                lower: (here - REACH * size).max(info.lower),
-                upper: (here + REACH * size).min(info.upper),
-            }
+        .map(|&(multiple, reach)| {
+            let value = (here + multiple * size).clamp(info.lower, info.upper);
+            let others = effect.sizes.iter().skip(1).copied();
+            Place { ranges: ranges(reach), values: std::iter::once(value).chain(others).collect() }
         })
         .collect()
 }
 
-/// Values of an effect's parameters from which its fit starts.
-fn effect_starts(effect: &EffectInfo, rig: &Rig, duration: f64, ripples: &[Ripple]) -> Vec<Vec<f64>> {
-    let here = rig.parameters.get(effect.parameters[0]);
-    let (info, size) = (effect.parameters[0].info(), effect.sizes[0]);
-    if effect.parameters.contains(&Parameter::StepLoadTime) {
-        return (0..STEP_TIMES)
-            .map(|k| vec![here + 0.5 * size, duration * (k as f64 + 0.5) / STEP_TIMES as f64])
-            .collect();
+/// Where records show an effect of a model that was fitted to a part of them: the free parameters and their values, for
+/// each place. None for an effect that is not looked for in the records.
+pub(super) fn shown_by(
+    effect: &EffectInfo,
+    rig: &Rig,
+    ranges: &[Range],
+    records: &[Prepared],
+) -> Vec<(Vec<Range>, Vec<f64>)> {
+    if !effect.parameters.contains(&Parameter::CoggingPitch) {
+        return Vec::new();
     }
-    if effect.parameters.contains(&Parameter::CoggingPitch) {
-        let start = |ripple: &Ripple| vec![ripple.amplitudes[0], ripple.amplitudes[1], ripple.pitch];
-        return ripples.iter().map(start).collect();
+    let mut without = rig.clone();
+    for &parameter in effect.parameters {
+        without.parameters.set(parameter, parameter.info().default);
     }
-    let multiples = if here <= info.lower { ONE_SIDED } else { TWO_SIDED };
-    multiples
-        .iter()
-        .map(|multiple| {
-            let first = (here + multiple * size).clamp(info.lower, info.upper);
-            let others = effect.parameters.iter().zip(effect.sizes).skip(1);
-            std::iter::once(first).chain(others.map(|(_, &size)| size)).collect()
-        })
-        .collect()
+    let others: Vec<Range> =
+        ranges.iter().filter(|range| !effect.parameters.contains(&range.parameter)).copied().collect();
+    let others = Place::of(rig, &others);
+    let ripples = ripple::ripples(&without, records);
+    let all = places(effect, &without, 0.0, &ripples).into_iter().map(|place| others.with(&place));
+    all.map(|place| (place.ranges, place.values)).collect()
 }
 
 /// An effect as the linear model sees it, before anything is fitted.
@@ -108,12 +152,12 @@ fn effect_starts(effect: &EffectInfo, rig: &Rig, duration: f64, ripples: &[Rippl
 pub(super) struct Prospect {
     /// The effect.
     pub(super) effect: &'static EffectInfo,
-    /// The free parameters: those of before, then the effect's.
-    ranges: Vec<Range>,
     /// What the linear model foresees: values, misfit, covariance.
     pub(super) foreseen: Polished,
-    /// Where it was looked for.
-    starts: Vec<Vec<f64>>,
+    /// The ranges in which it does.
+    ranges: Vec<Range>,
+    /// Where the effect was looked for.
+    places: Vec<Place>,
 }
 
 /// Looks at an effect beside the parameters that are free already, whose present values are in the rig. None where
@@ -124,53 +168,64 @@ pub(super) fn look(
     ranges: &[Range],
     records: &[Prepared],
 ) -> Option<Prospect> {
+    if ranges.len() + effect.parameters.len() > fit::MAX_FREE {
+        return None;
+    }
     let duration =
         records.iter().map(|record| record.len() as f64 * record.sample_period).fold(0.0, f64::max);
-    let mut all = ranges.to_vec();
     let ripples = if effect.parameters.contains(&Parameter::CoggingPitch) {
         ripple::ripples(rig, records)
     } else {
         Vec::new()
     };
-    all.extend(effect_ranges(effect, rig, duration, &ripples));
-    if all.len() > fit::MAX_FREE {
-        return None;
-    }
-    let here: Vec<f64> = ranges.iter().map(|range| rig.parameters.get(range.parameter)).collect();
-    let starts: Vec<Vec<f64>> = effect_starts(effect, rig, duration, &ripples)
-        .into_iter()
-        .map(|start| here.iter().copied().chain(start).collect())
-        .collect();
-    let foreseen = fit::foresee(rig, &all, &starts, records)
-        .into_iter()
-        .min_by(|a, b| a.misfit.chi_square.total_cmp(&b.misfit.chi_square))?;
-    Some(Prospect { effect, ranges: all, foreseen, starts })
+    let base = Place::of(rig, ranges);
+    let places: Vec<Place> =
+        places(effect, rig, duration, &ripples).iter().map(|place| base.with(place)).collect();
+    let (ranges, foreseen) = places
+        .iter()
+        .filter_map(|place| Some((&place.ranges, fit::foresee(rig, &place.ranges, &place.values, records)?)))
+        .min_by(|(_, a), (_, b)| a.misfit.chi_square.total_cmp(&b.misfit.chi_square))?;
+    Some(Prospect { effect, foreseen, ranges: ranges.clone(), places })
 }
 
 impl Prospect {
     /// A rough fit, from what the linear model foresees and from each place where it was looked for: what was free
     /// before first follows it there, because it may have been far off to make up for the effect.
-    pub(super) fn approach(&self, rig: &Rig, records: &[Prepared]) -> Option<Polished> {
+    pub(super) fn approach(&self, rig: &Rig, records: &[Prepared]) -> Option<Rough> {
         let before = self.ranges.len() - self.effect.parameters.len();
-        let followed = self.starts.iter().filter_map(|start| {
+        let followed = self.places.iter().filter_map(|Place { ranges, values }| {
             let mut there = rig.clone();
-            for (range, &value) in self.ranges.iter().zip(start).skip(before) {
+            for (range, &value) in ranges.iter().zip(values).skip(before) {
                 there.parameters.set(range.parameter, value);
             }
-            let found = fit::approach(&there, &self.ranges[..before], &start[..before], records)?;
-            Some((found.misfit.chi_square, [&found.values, &start[before..]].concat()))
+            let found = fit::approach(&there, &ranges[..before], &values[..before], records)?;
+            Some((found.misfit.chi_square, ranges, [&found.values, &values[before..]].concat()))
         });
-        let best = followed.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, start)| start);
-        let starts = std::iter::once(self.foreseen.values.clone()).chain(best);
+        let best = followed.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, ranges, values)| (ranges, values));
+        let starts = std::iter::once((&self.ranges, self.foreseen.values.clone())).chain(best);
         starts
-            .filter_map(|start| fit::approach(rig, &self.ranges, &start, records))
-            .min_by(|a, b| a.misfit.chi_square.total_cmp(&b.misfit.chi_square))
+            .filter_map(|(ranges, start)| {
+                let fit = fit::approach(rig, ranges, &start, records)?;
+                Some(Rough { effect: self.effect, ranges: ranges.clone(), fit })
+            })
+            .min_by(|a, b| a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square))
     }
+}
 
-    /// Fits it from a start.
-    pub(super) fn fit(&self, rig: &Rig, start: &[f64], records: &[Prepared]) -> Option<Candidate> {
+/// An effect that was fitted roughly.
+pub(super) struct Rough {
+    effect: &'static EffectInfo,
+    /// The free parameters: those of before, then the effect's.
+    ranges: Vec<Range>,
+    /// The fit.
+    pub(super) fit: Polished,
+}
+
+impl Rough {
+    /// Goes on to the bottom.
+    pub(super) fn finish(&self, rig: &Rig, records: &[Prepared]) -> Option<Candidate> {
         let mut ranges = self.ranges.clone();
-        let mut fit = fit::polish(rig, &ranges, start, records)?;
+        let mut fit = fit::polish(rig, &ranges, &self.fit.values, records)?;
         for _ in 0..MOST_WIDENED {
             let wider = self.widened(&ranges, &fit.values);
             if wider == ranges {

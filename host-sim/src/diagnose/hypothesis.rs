@@ -1,6 +1,6 @@
 //! A model that may be the right one: effects added to the rig, all that is free fitted.
 
-use super::candidate::{self, Candidate, Prospect};
+use super::candidate::{self, Candidate, Prospect, Rough};
 use super::residual::{self, MEASURED, MODEL_ERROR};
 use super::{Case, RESIDUAL_LIMIT};
 use crate::fit::{self, Estimate, Fit, Polished};
@@ -25,7 +25,8 @@ const MOST_FITTED: usize = 8;
 const CONFOUNDED: f64 = 5.0;
 /// Twice the logarithm of the odds (100 to 1) below which two effects are not told apart.
 const CLASS_EVIDENCE: f64 = 9.2;
-/// Rise of the held-out records' chi-square that chance explains (two standard deviations of one parameter).
+/// Rise of the held-out records' chi-square that chance explains (two standard deviations of one parameter), in units of
+/// what is left and for samples that say different things.
 const HOLDOUT_CHANCE: f64 = 4.0;
 /// Twice the logarithm of the odds (10^50 to 1) against a candidate beside the best that no held-out record makes up for.
 const HOPELESS: f64 = 230.0;
@@ -88,12 +89,21 @@ impl Hypothesis {
         Self { rig, ranges, train, joint, predictions, added }
     }
 
-    /// The same model for the records of another case.
+    /// The same model for the records of another case, of which its own are a part or which are a part of its own.
     pub(super) fn refitted(&self, case: &Case<'_>) -> Self {
-        let train = fit::polish(&self.rig, &self.ranges, &self.train.values, case.train())
-            .unwrap_or_else(|| self.train.clone());
-        let rig = train.applied(&self.rig, &self.ranges);
-        Self::validated(case, rig, self.ranges.clone(), train, self.added.clone())
+        let here = (self.ranges.clone(), self.train.values.clone());
+        let shown = |effect: &&EffectInfo| candidate::shown_by(effect, &self.rig, &self.ranges, case.train());
+        let starts: Vec<_> = std::iter::once(here).chain(self.added.iter().flat_map(shown)).collect();
+        let (ranges, train) = starts
+            .into_par_iter()
+            .filter_map(|(ranges, start)| {
+                let train = fit::polish(&self.rig, &ranges, &start, case.train())?;
+                Some((ranges, train))
+            })
+            .min_by(|(_, a), (_, b)| a.misfit.chi_square.total_cmp(&b.misfit.chi_square))
+            .unwrap_or_else(|| (self.ranges.clone(), self.train.clone()));
+        let rig = train.applied(&self.rig, &ranges);
+        Self::validated(case, rig, ranges, train, self.added.clone())
     }
 
     /// Mean square, in units of the noise, of what the model leaves; at least 1.
@@ -134,7 +144,7 @@ impl Hypothesis {
     }
 
     pub(super) fn same_effects(&self, other: &Self) -> bool {
-        same(&self.added, &other.added)
+        self.added.len() == other.added.len() && self.added.iter().all(|effect| other.has(effect))
     }
 
     /// Is what the joint fit leaves just noise, in every record?
@@ -182,20 +192,20 @@ impl Hypothesis {
         promising.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
         promising.truncate(MOST_APPROACHED);
         promising.append(&mut asked);
-        let mut near: Vec<(&Prospect, Polished)> = promising
+        let mut near: Vec<Rough> = promising
             .par_iter()
             .filter(|_| !interrupt::requested())
-            .filter_map(|prospect| Some((prospect, prospect.approach(&self.rig, case.train())?)))
+            .filter_map(|prospect| prospect.approach(&self.rig, case.train()))
             .collect();
-        let reached = |near: &Polished| base - near.misfit.chi_square;
-        let wanted = near.iter().map(|(_, near)| reached(near)).fold(wanted, f64::max);
-        near.retain(|(_, near)| reached(near) > FORESEEN * wanted);
-        near.sort_by(|(_, a), (_, b)| a.misfit.chi_square.total_cmp(&b.misfit.chi_square));
+        let reached = |near: &Rough| base - near.fit.misfit.chi_square;
+        let wanted = near.iter().map(reached).fold(wanted, f64::max);
+        near.retain(|near| reached(near) > FORESEEN * wanted);
+        near.sort_by(|a, b| reached(b).total_cmp(&reached(a)));
         near.truncate(MOST_FITTED);
         let mut candidates: Vec<Candidate> = near
             .into_par_iter()
             .filter(|_| !interrupt::requested())
-            .filter_map(|(prospect, near)| prospect.fit(&self.rig, &near.values, case.train()))
+            .filter_map(|near| near.finish(&self.rig, case.train()))
             .collect();
         candidates.sort_by(|a, b| a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square));
         candidates
@@ -230,13 +240,24 @@ impl Hypothesis {
         self.with(case, candidates)
     }
 
-    /// The same model without an effect, fitted unless it is known.
-    fn without(&self, case: &Case<'_>, effect: &EffectInfo, known: &[Self]) -> Self {
+    /// The same model without an effect, if it is among those that were fitted before.
+    fn known_without<'a>(&self, effect: &EffectInfo, known: &'a [Self]) -> Option<&'a Self> {
+        let is_it = |known: &&Self| {
+            known.added.len() + 1 == self.added.len()
+                && known.added.iter().all(|one| one.name != effect.name && self.has(one))
+        };
+        known.iter().find(is_it)
+    }
+
+    /// Is an effect part of the model?
+    fn has(&self, effect: &EffectInfo) -> bool {
+        self.added.iter().any(|added| added.name == effect.name)
+    }
+
+    /// The same model without an effect, fitted.
+    fn without(&self, case: &Case<'_>, effect: &EffectInfo) -> Self {
         let mut added = self.added.clone();
         added.retain(|known| known.name != effect.name);
-        if let Some(known) = known.iter().find(|known| same(&known.added, &added)) {
-            return known.clone();
-        }
         let mut rig = self.rig.clone();
         rig.effects.retain(|known| known.name != effect.name);
         for &parameter in effect.parameters {
@@ -250,32 +271,42 @@ impl Hypothesis {
         Self::validated(case, rig, ranges, train, added)
     }
 
-    /// Drops the effects that do not earn their place beside the others, the weakest first. What was fitted before is
-    /// in `known`, and what is fitted now is added to it.
+    /// The effects of the model, each weighed against the model without it as far as that is known.
+    fn weighed(&self, known: &[Self]) -> Vec<Earned> {
+        let scale = self.scale();
+        let weigh = |&effect: &&'static EffectInfo| {
+            let without = self.known_without(effect, known)?.clone();
+            let gain = (without.joint.misfit.chi_square - self.joint.misfit.chi_square) / scale;
+            Some(Earned { effect, evidence: gain - self.price(effect, scale), without })
+        };
+        self.added.iter().filter_map(weigh).collect()
+    }
+
+    /// Does every effect earn its place, as far as the model without it is known?
+    pub(super) fn is_welcome(&self, case: &Case<'_>, known: &[Self]) -> bool {
+        self.weighed(known).iter().all(|earned| self.earns(case, earned))
+    }
+
+    /// Drops the effects that do not earn their place beside the others, the weakest first, but those first that are
+    /// weighed without another fit. What was fitted before is in `known`, and what is fitted now is added to it.
     pub(super) fn pruned(mut self, case: &Case<'_>, known: &mut Vec<Self>) -> (Self, Vec<Earned>) {
         loop {
-            let scale = self.scale();
-            let earned: Vec<Earned> = self
-                .added
-                .par_iter()
-                .map(|effect| {
-                    let without = self.without(case, effect, known);
-                    let gain = (without.joint.misfit.chi_square - self.joint.misfit.chi_square) / scale;
-                    Earned { effect, evidence: gain - self.price(effect, scale), without }
-                })
-                .collect();
-            for new in earned.iter().map(|earned| &earned.without) {
-                if !known.iter().any(|known| known.same_effects(new)) {
-                    known.push(new.clone());
-                }
+            let mut earned = self.weighed(known);
+            if self.weakest(case, &earned).is_none() {
+                let open = self.added.par_iter().filter(|effect| self.known_without(effect, known).is_none());
+                let new: Vec<Self> = open.map(|effect| self.without(case, effect)).collect();
+                known.extend(new);
+                earned = self.weighed(known);
             }
-            let weakest = earned
-                .iter()
-                .filter(|earned| !self.earns(case, earned))
-                .min_by(|a, b| a.evidence.total_cmp(&b.evidence));
-            let Some(weakest) = weakest else { return (self, earned) };
+            let Some(weakest) = self.weakest(case, &earned) else { return (self, earned) };
             self = weakest.without.clone();
         }
+    }
+
+    /// The weakest of the effects that do not earn their place.
+    fn weakest<'a>(&self, case: &Case<'_>, all: &'a [Earned]) -> Option<&'a Earned> {
+        let idle = all.iter().filter(|earned| !self.earns(case, earned));
+        idle.min_by(|a, b| a.evidence.total_cmp(&b.evidence))
     }
 
     /// Is an effect significant, does it matter, and do the held-out records agree?
@@ -284,9 +315,14 @@ impl Hypothesis {
         let held_out = |model: &Self| model.joint.misfit.chi_square - model.train.misfit.chi_square;
         let harm = (held_out(self) - held_out(without)) / self.scale();
         earned.evidence > 0.0
-            && harm < HOLDOUT_CHANCE
             && self.matters_against(case, without)
-            && (self.leaves_noise(case) || self.gains_everywhere(case, without))
+            && if self.leaves_noise(case) {
+                harm < HOLDOUT_CHANCE
+            } else {
+                let left = &self.predictions[case.fitted..];
+                harm < HOLDOUT_CHANCE * residual::correlation_time(case.holdout(), left)
+                    && self.gains_everywhere(case, without)
+            }
     }
 
     /// Does it change the prediction of a record by more than the model's own error, or move a fault by more than its
@@ -346,9 +382,4 @@ impl Hypothesis {
 /// Chi-square beyond what noise makes of it; none where noise may be all there is.
 fn beyond_noise(misfit: &Misfit<f64>) -> Option<f64> {
     (!within_noise(misfit)).then(|| misfit.chi_square - f64::from(misfit.count))
-}
-
-/// Do two models have the same effects?
-fn same(a: &[&EffectInfo], b: &[&EffectInfo]) -> bool {
-    a.len() == b.len() && a.iter().all(|effect| b.iter().any(|other| other.name == effect.name))
 }

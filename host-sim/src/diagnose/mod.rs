@@ -201,15 +201,17 @@ fn search(
             }
         }
         let scale = grown.iter().chain(&tried).map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
-        grown.sort_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)));
-        grown.truncate(BEAM);
         tried.extend(grown.iter().cloned());
+        grown.sort_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)));
         let best = grown.first().map_or(f64::INFINITY, |first| first.cost(scale));
         let settled = beam.iter().all(|parent| parent.cost(scale) <= best);
         let helpless = grown.iter().all(|new| new.share_of(&beam[0]) < GROWING_SHARE);
         if settled || helpless || grown.iter().any(|hypothesis| hypothesis.leaves_noise(case)) {
             break;
         }
+        // What the held-out records speak against is grown last.
+        grown.sort_by_key(|new| !new.is_welcome(case, &tried));
+        grown.truncate(BEAM);
         beam = grown;
     }
     watch("testing what was found", 0.9);
@@ -319,10 +321,7 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned], o
 
 /// How much larger than white noise of the stated size what a model leaves counts: mean square times correlation time.
 fn inflation(records: &[Prepared], predictions: &[Vec<Outputs<f64>>], misfit: &Misfit<f64>) -> f64 {
-    let time = (0..MEASURED)
-        .map(|channel| fit::correlation_time(&residual::series(records, predictions, channel)))
-        .fold(1.0, f64::max);
-    misfit.mean_square().max(1.0) * time
+    misfit.mean_square().max(1.0) * residual::correlation_time(records, predictions)
 }
 
 fn score(rig: &Rig, records: &[Prepared]) -> Score {

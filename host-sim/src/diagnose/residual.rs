@@ -44,6 +44,12 @@ pub fn of_channels(
     std::array::from_fn(|channel| test(&series(records, predictions, channel)))
 }
 
+/// How many samples of what a model leaves say the same thing: the longest correlation time of a channel, in samples.
+pub fn correlation_time(records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> f64 {
+    let time = |channel| fit::correlation_time(&series(records, predictions, channel));
+    (0..MEASURED).map(time).fold(1.0, f64::max)
+}
+
 /// Fall of chi-square from one model's predictions to another's, in each of some 64 blocks of the records.
 pub fn gains(records: &[Prepared], before: &[Vec<Outputs<f64>>], after: &[Vec<Outputs<f64>>]) -> Vec<f64> {
     let total: usize = records.iter().map(Prepared::len).sum();

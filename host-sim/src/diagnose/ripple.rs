@@ -6,14 +6,14 @@
 
 use super::residual::MEASURED;
 use crate::fit::{self, Prepared};
-use crate::rig::Rig;
+use crate::rig::{Range, Rig};
 use eha_monitor::model::state::Outputs;
 use eha_monitor::parameter::Parameter;
 use nalgebra::{Matrix2, Vector2};
 use rayon::prelude::*;
 
 /// Share by which a fit may move a pitch away from where it was seen.
-pub(super) const PITCH_REACH: f64 = 0.02;
+const PITCH_REACH: f64 = 0.02;
 /// Ripples that are handed to the fit.
 const MOST_RIPPLES: usize = 3;
 /// Pitches that are judged by what their force would do.
@@ -40,6 +40,19 @@ pub(super) struct Ripple {
     pub(super) amplitudes: [f64; 2],
     /// Fall of chi-square that it promises.
     gain: f64,
+}
+
+impl Ripple {
+    /// Where a fit may move the pitch.
+    pub(super) fn pitch_range(&self) -> Range {
+        let info = Parameter::CoggingPitch.info();
+        let (lower, upper) = (self.pitch * (1.0 - PITCH_REACH), self.pitch * (1.0 + PITCH_REACH));
+        Range {
+            parameter: Parameter::CoggingPitch,
+            lower: lower.max(info.lower),
+            upper: upper.min(info.upper),
+        }
+    }
 }
 
 /// The strongest ripples in what a model leaves of the measured channels, the strongest first.

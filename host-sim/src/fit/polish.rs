@@ -92,10 +92,10 @@ fn narrowed(range: Range, found: &Polished, index: usize) -> Range {
     }
 }
 
-/// What the linear model at each start foresees, without going there: one evaluation of the normal equations a start.
-/// A start at which the records say nothing about a parameter is left out.
-pub fn foresee(rig: &Rig, ranges: &[Range], starts: &[Vec<f64>], records: &[Prepared]) -> Vec<Polished> {
-    on_records(rig, ranges, records, LOOK_TOLERANCE, Foresee { starts })
+/// What the linear model at a start foresees, without going there: one evaluation of the normal equations. None where
+/// the records say nothing about a parameter there.
+pub fn foresee(rig: &Rig, ranges: &[Range], start: &[f64], records: &[Prepared]) -> Option<Polished> {
+    on_records(rig, ranges, records, LOOK_TOLERANCE, Foresee { start })
 }
 
 type Genes = [f64; MAX_FREE];
@@ -128,25 +128,19 @@ fn polished(
 }
 
 struct Foresee<'a> {
-    starts: &'a [Vec<f64>],
+    start: &'a [f64],
 }
 
 impl Job for Foresee<'_> {
-    type Output = Vec<Polished>;
+    type Output = Option<Polished>;
 
     fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Self::Output {
         let count = problem.free.len();
-        let difference = Settings::default().difference;
-        self.starts
-            .iter()
-            .filter_map(|start| {
-                let genes = genes_of(problem, start);
-                let normal = normal_equations(problem, &genes, difference, steppers);
-                let (there, chi_square) = normal.foreseen(&genes, count)?;
-                let misfit = Misfit { chi_square, count: normal.misfit.count };
-                Some(polished(problem, &there, &normal, misfit, count as u32 + 1))
-            })
-            .collect()
+        let genes = genes_of(problem, self.start);
+        let normal = normal_equations(problem, &genes, Settings::default().difference, steppers);
+        let (there, chi_square) = normal.foreseen(&genes, count)?;
+        let misfit = Misfit { chi_square, count: normal.misfit.count };
+        Some(polished(problem, &there, &normal, misfit, count as u32 + 1))
     }
 }
 

@@ -217,7 +217,7 @@ impl Question<'_> {
         records[0].noise = noise;
         let start: Vec<f64> =
             self.ranges.iter().map(|range| self.rig.parameters.get(range.parameter)).collect();
-        match fit::foresee(self.rig, self.ranges, &[start], &records).pop() {
+        match fit::foresee(self.rig, self.ranges, &start, &records) {
             Some(foreseen) => (0..self.ranges.len()).map(|index| foreseen.standard_error(index)).collect(),
             None => vec![f64::NAN; self.ranges.len()],
         }
