@@ -120,11 +120,13 @@ fn midpoint_converges_with_second_order() {
     for name in ["mixed", "mixed-step", "chirp", "step"] {
         let samples = command(name, 400);
         let rig = rig(Feedback::Ram, 400.0, 0.0);
-        let exact = rig.exact(&samples);
+        let finest = rig.midpoint(&samples, 2.5e-6);
         let [coarse, middle, fine] =
-            [4e-5, 2e-5, 1e-5].map(|step| 1e6 * rms(&rig.midpoint(&samples, step).ram, &exact.ram));
-        println!("{name:10} 40 us {coarse:.6}  20 us {middle:.6}  10 us {fine:.6} um");
+            [4e-5, 2e-5, 1e-5].map(|step| 1e6 * rms(&rig.midpoint(&samples, step).ram, &finest.ram));
+        let apart = 1e6 * rms(&finest.ram, &rig.exact(&samples).ram);
+        println!("{name:10} 40 us {coarse:.6}  20 us {middle:.6}  10 us {fine:.6} um; exact {apart:.6} um");
         assert!(fine < BAR, "{name}: {fine} um at 10 us");
+        assert!(apart < LIMIT.ram, "{name}: {apart} um from the exact steps");
         // Events make single ratios scatter; four over two halvings is what first order would give.
         assert!(coarse / fine > 9.0, "{name}: {coarse} um at 40 us, {fine} um at 10 us");
     }

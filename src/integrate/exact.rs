@@ -1,7 +1,7 @@
 //! Exact steps of a piecewise affine model.
 //!
 //! Inside a mode a step of any length is one matrix product (see `ladder.rs`). A *ladder* holds the
-//! products for four lengths, each a quarter of the one above: a whole sample where nothing happens, shorter ones
+//! products for a few lengths, each a quarter of the one above: a whole sample where nothing happens, shorter ones
 //! around an event.
 
 use super::ladder::{self, Cache, Growth, Rung};
@@ -11,23 +11,26 @@ use crate::model::corridor::{Corridor, ERROR, Passage, Watched};
 use crate::model::state::{Input, Mode, State};
 use crate::scalar::Real;
 
-/// Lengths of step on a ladder.
-pub const LEVELS: usize = 4;
-/// Finest steps in a coarsest one.
-const FINEST_PER_COARSEST: u32 = 64;
+/// Lengths of step on a ladder of the plain loop: 1, 1/4 and 1/16 ms.
+pub const PLAIN: usize = 3;
+/// Lengths on a ladder of a model with every state: a play of the current opens and closes within 1/16 ms.
+pub const FINE: usize = 4;
 
 /// The steps of one mode.
 #[derive(Clone, Debug)]
-struct Ladder<T, const N: usize>([Rung<T, N>; LEVELS]);
+struct Ladder<T, const N: usize, const LEVELS: usize>([Rung<T, N>; LEVELS]);
 
-/// Exact steps for a model of `N` states, with ladders for `SLOTS` modes kept at a time.
+/// Exact steps of `LEVELS` lengths for a model of `N` states, with ladders for `SLOTS` modes kept at a time.
 #[derive(Clone, Debug)]
-pub struct Exact<T, const N: usize, const SLOTS: usize> {
-    cache: Cache<T, Ladder<T, N>, N, LEVELS, SLOTS>,
+pub struct Exact<T, const N: usize, const SLOTS: usize, const LEVELS: usize = PLAIN> {
+    cache: Cache<T, Ladder<T, N, LEVELS>, N, LEVELS, SLOTS>,
     corridor: Option<Corridor<T>>,
 }
 
-impl<T: Real, const N: usize, const SLOTS: usize> Exact<T, N, SLOTS> {
+impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Exact<T, N, SLOTS, LEVELS> {
+    /// Finest steps in a coarsest one.
+    const FINEST_PER_COARSEST: u32 = 1 << (2 * (LEVELS - 1));
+
     /// Steps without any matrices yet.
     pub const fn new() -> Self {
         Self { cache: Cache::new(), corridor: None }
@@ -43,18 +46,22 @@ impl<T: Real, const N: usize, const SLOTS: usize> Exact<T, N, SLOTS> {
     }
 }
 
-impl<T: Real, const N: usize, const SLOTS: usize> Default for Exact<T, N, SLOTS> {
+impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Default
+    for Exact<T, N, SLOTS, LEVELS>
+{
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Exact<T, N, SLOTS> {
+impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Stepper<T>
+    for Exact<T, N, SLOTS, LEVELS>
+{
     const TOP: usize = LEVELS - 1;
     const SHIFT: u32 = 2;
 
     fn begin(&mut self, sample_period: T, has_force: bool, rig_changed: bool) {
-        self.cache.begin(sample_period, has_force, rig_changed, FINEST_PER_COARSEST);
+        self.cache.begin(sample_period, has_force, rig_changed, Self::FINEST_PER_COARSEST);
     }
 
     fn units(&self) -> u32 {
@@ -90,12 +97,9 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Exact<T, N, SLO
         mut commands: impl FnMut(u32) -> Option<T>,
         mut see: impl FnMut(&State<T>, &Input<T>),
     ) -> u32 {
-        let (Some(corridor), Some(Ladder([.., rung])), [.., terms]) =
-            (&self.corridor, self.cache.ladder(), &self.cache.terms)
-        else {
-            return 0;
-        };
-        if self.cache.units != FINEST_PER_COARSEST || run.stride != FINEST_PER_COARSEST {
+        let (Some(corridor), Some(ladder)) = (&self.corridor, self.cache.ladder()) else { return 0 };
+        let (Some(rung), Some(terms)) = (ladder.0.last(), self.cache.terms.last()) else { return 0 };
+        if self.cache.units != Self::FINEST_PER_COARSEST || run.stride != Self::FINEST_PER_COARSEST {
             return 0;
         }
         let (mut state, mut swing, mut has_margin) = (run.state, run.swing, run.has_margin);
@@ -148,7 +152,7 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Exact<T, N, SLO
     }
 }
 
-impl<T: Real, const N: usize> ladder::Ladder<T, N, LEVELS> for Ladder<T, N> {
+impl<T: Real, const N: usize, const LEVELS: usize> ladder::Ladder<T, N, LEVELS> for Ladder<T, N, LEVELS> {
     const EMPTY: Self = Self([Rung::EMPTY; LEVELS]);
 
     fn make(&mut self, model: &Model<T>, mode: &Mode, finest: T) {

@@ -236,6 +236,13 @@ impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const 
                 slot
             });
         }
+        self.lay_terms(model, mode);
+    }
+
+    /// What does not depend on the state in a mode. A function of its own: otherwise the stack would hold its frame while
+    /// the mode's matrices are made.
+    #[inline(never)]
+    fn lay_terms(&mut self, model: &Model<T>, mode: &Mode) {
         let none = State::default();
         let rate = |input: Input<T>, one| model.affine_rate(mode, &none, &input, one).leading::<N>();
         let constant = rate(Input::default(), T::ONE);
@@ -289,7 +296,10 @@ impl<T: Real, const N: usize> Growth<T, N> {
             ramp = multiply(a, &ramp, step / T::from_count(term + 3));
             add_diagonal(&mut ramp, T::ONE);
         }
-        ramp = ramp.map(|column| column.map(|value| value * (step * step * T::literal(0.5))));
+        let half_square = step * step * T::literal(0.5);
+        for value in ramp.iter_mut().flatten() {
+            *value *= half_square;
+        }
         let mut constant = multiply(a, &ramp, T::ONE);
         add_diagonal(&mut constant, step);
         let transition = multiply(a, &constant, T::ONE);

@@ -613,7 +613,7 @@ fn meet<T: Real, S: Stepper<T>>(
     let input = segment.at(elapsed + unit * *done);
     let left = T::ONE - *done;
     let arc = Arc::ahead(stepper, model, run, &input, segment.force_rate);
-    let state = arc.at(left);
+    let state = run.state.changed(&arc.after(left));
     let end = elapsed + unit;
     let guards = Guards::at(model, &run.mode, &state, &segment.at(end), segment.time + end);
     let Some((index, guess)) = run.guards.first_crossing(&guards) else {
@@ -622,11 +622,11 @@ fn meet<T: Real, S: Stepper<T>>(
         run.ceiling = ceiling::<T, S>(0, arc.error);
         return false;
     };
-    // One secant step towards the crossing from the straight-line guess.
     let at = |fraction: T| {
         let elapsed = elapsed + unit * (*done + left * fraction);
-        (arc.at(left * fraction), segment.at(elapsed), segment.time + elapsed)
+        (run.state.changed(&arc.after(left * fraction)), segment.at(elapsed), segment.time + elapsed)
     };
+    // One secant step towards the crossing from the straight-line guess.
     let (state, there, time) = at(guess);
     let halfway = Guards::at(model, &run.mode, &state, &there, time);
     let fraction = run.guards.secant(&halfway, &guards, index, guess);
@@ -654,19 +654,17 @@ fn finish<T: Real, S: Stepper<T>>(
 ) {
     let unit = stepper.unit();
     let input = segment.at(elapsed + unit * done);
-    run.state = Arc::ahead(stepper, model, run, &input, segment.force_rate).at(T::ONE - done);
+    let arc = Arc::ahead(stepper, model, run, &input, segment.force_rate);
+    run.state = run.state.changed(&arc.after(T::ONE - done));
     let end = elapsed + unit;
     run.guards = Guards::at(model, &run.mode, &run.state, &segment.at(end), segment.time + end);
 }
 
-/// The motion over a finest step, between its ends: the parabola through both, with the rate at its start. It is
-/// within the step's cube.
+/// The motion over a finest step, between its ends: the cubic through both, with the rates there. It is within the
+/// step's fourth power.
 struct Arc<T> {
-    start: State<T>,
-    /// What the rate at the start would add over the whole step.
-    tangent: State<T>,
-    /// What the step adds.
-    chord: State<T>,
+    /// What the fraction of the step, its square and its cube add to each state.
+    powers: [[T; FULL_ORDER]; 3],
     error: T,
 }
 
@@ -679,16 +677,32 @@ impl<T: Real> Arc<T> {
         force_rate: T,
     ) -> Self {
         let Step { state, error } = stepper.step(model, &run.mode, &run.state, input, force_rate, 0);
-        let tangent = model.rate(&run.mode, &run.state, input).scaled(stepper.unit());
-        Self { start: run.state, tangent, chord: state.since(&run.state), error }
+        let unit = stepper.unit();
+        let end = Input {
+            command: input.command + input.command_rate * unit,
+            force: input.force + force_rate * unit,
+            ..*input
+        };
+        let mut powers = [
+            model.rate(&run.mode, &run.state, input).to_array(),
+            state.since(&run.state).to_array(),
+            model.rate(&run.mode, &state, &end).to_array(),
+        ];
+        let [first, second, third] = &mut powers;
+        for ((first, second), third) in first.iter_mut().zip(second).zip(third) {
+            *first *= unit;
+            let bend = *second - *first;
+            *third = (*third * unit - *second) - bend;
+            *second = bend - *third;
+        }
+        Self { powers, error }
     }
 
-    /// The state after a fraction of the step.
-    fn at(&self, fraction: T) -> State<T> {
-        let (tangent, chord) = (self.tangent.to_array(), self.chord.to_array());
-        let change: [T; FULL_ORDER] = core::array::from_fn(|index| {
-            fraction * (tangent[index] + fraction * (chord[index] - tangent[index]))
-        });
-        self.start.changed(&change)
+    /// What a fraction of the step adds to the state at its start.
+    fn after(&self, fraction: T) -> [T; FULL_ORDER] {
+        let [first, second, third] = &self.powers;
+        core::array::from_fn(|index| {
+            fraction * (first[index] + fraction * (second[index] + fraction * third[index]))
+        })
     }
 }

@@ -4,7 +4,7 @@
 use eha_monitor::command::{Command, CommandInfo};
 use eha_monitor::integrate::Stepper;
 use eha_monitor::integrate::collocation::Collocation;
-use eha_monitor::integrate::exact::Exact;
+use eha_monitor::integrate::exact::{Exact, FINE};
 use eha_monitor::integrate::midpoint::Midpoint;
 use eha_monitor::model::state::{BASE_ORDER, FULL_ORDER, Input, InputSegment};
 use eha_monitor::model::{Feedback, Form, Model, ValveForm};
@@ -201,7 +201,7 @@ pub(crate) fn exact<T: Real + Into<f64>>(form: Form, parameters: &Parameters<T>,
     if Model::new(form, parameters).order() == BASE_ORDER {
         simulate(form, parameters, &mut Exact::<T, BASE_ORDER, 32>::new(), command)
     } else {
-        simulate(form, parameters, &mut Exact::<T, FULL_ORDER, 32>::new(), command)
+        simulate(form, parameters, &mut Exact::<T, FULL_ORDER, 32, FINE>::new(), command)
     }
 }
 

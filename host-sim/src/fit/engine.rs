@@ -6,7 +6,7 @@ use eha_monitor::fit::problem::{Free, Problem};
 use eha_monitor::fit::walk::Walk;
 use eha_monitor::integrate::Stepper;
 use eha_monitor::integrate::collocation::Collocation;
-use eha_monitor::integrate::exact::Exact;
+use eha_monitor::integrate::exact::{Exact, FINE};
 use eha_monitor::model::state::{BASE_ORDER, FULL_ORDER, Outputs};
 
 /// Distance of the ram, m, that a curved step may err by in a fit: some 0.01 um over a simulation.
@@ -21,7 +21,7 @@ const SLOTS: usize = 32;
 /// Exact steps of the base model.
 pub type Base = Exact<f64, BASE_ORDER, SLOTS>;
 /// Exact steps of a model with every state.
-pub type Full = Exact<f64, FULL_ORDER, { SLOTS / 2 }>;
+pub type Full = Exact<f64, FULL_ORDER, { SLOTS / 2 }, FINE>;
 
 /// Steps of a base model with laws that are not affine.
 pub type CurvedBase = Collocation<f64, BASE_ORDER, SLOTS>;
