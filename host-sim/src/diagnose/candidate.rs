@@ -223,39 +223,53 @@ pub(super) struct Rough {
 
 impl Rough {
     /// Goes on to the bottom.
-    pub(super) fn finish(&self, rig: &Rig, records: &[Prepared]) -> Option<Candidate> {
-        let mut ranges = self.ranges.clone();
-        let mut fit = fit::polish(rig, &ranges, &self.fit.values, records)?;
-        for _ in 0..MOST_WIDENED {
-            let wider = self.widened(&ranges, &fit.values);
-            if wider == ranges {
-                break;
-            }
-            ranges = wider;
-            fit = fit::polish(rig, &ranges, &fit.values, records)?;
-        }
-        let mut fitted = fit.applied(rig, &ranges);
-        fitted.effects.push(self.effect);
-        Some(Candidate { effect: self.effect, ranges, fit, rig: fitted })
+    pub(super) fn finish(self, rig: &Rig, records: &[Prepared]) -> Option<Candidate> {
+        let (ranges, fit) = fitted(rig, self.ranges, &self.fit.values, records)?;
+        let mut rig = fit.applied(rig, &ranges);
+        rig.effects.push(self.effect);
+        Some(Candidate { effect: self.effect, ranges, fit, rig })
     }
+}
 
-    /// The ranges, those of the effect's parameters wider where a value is at their edge but inside what is possible.
-    fn widened(&self, ranges: &[Range], values: &[f64]) -> Vec<Range> {
-        let before = ranges.len() - self.effect.parameters.len();
-        let widen = |(index, (range, &value)): (usize, (&Range, &f64))| {
-            let info = range.parameter.info();
-            let [below, above] = range.at_edge(value);
-            let at_edge = (below && range.lower > info.lower) || (above && range.upper < info.upper);
-            if index < before || !at_edge || range.parameter == Parameter::StepLoadTime {
-                return *range;
-            }
-            let more = (WIDER - 1.0) / 2.0 * (range.upper - range.lower);
-            Range {
-                lower: (range.lower - more).max(info.lower),
-                upper: (range.upper + more).min(info.upper),
-                ..*range
-            }
-        };
-        ranges.iter().zip(values).enumerate().map(widen).collect()
+/// Fits the ranges from a start, those of effects wider where the fit ends at their edge; none where the records hold
+/// nothing to compare.
+pub(super) fn fitted(
+    rig: &Rig,
+    mut ranges: Vec<Range>,
+    start: &[f64],
+    records: &[Prepared],
+) -> Option<(Vec<Range>, Polished)> {
+    let mut fit = fit::polish(rig, &ranges, start, records)?;
+    for _ in 0..MOST_WIDENED {
+        let wider = widened(rig, &ranges, &fit.values);
+        if wider == ranges {
+            break;
+        }
+        ranges = wider;
+        fit = fit::polish(rig, &ranges, &fit.values, records)?;
     }
+    Some((ranges, fit))
+}
+
+/// The ranges, but those that the rig does not declare wider where a value is at their edge and inside what is possible.
+fn widened(rig: &Rig, ranges: &[Range], values: &[f64]) -> Vec<Range> {
+    let is_given = |parameter| {
+        let declared = rig.faults.iter().chain(&rig.free).any(|range| range.parameter == parameter);
+        declared || parameter == Parameter::StepLoadTime
+    };
+    let widen = |(range, &value): (&Range, &f64)| {
+        let info = range.parameter.info();
+        let [below, above] = range.at_edge(value);
+        let at_edge = (below && range.lower > info.lower) || (above && range.upper < info.upper);
+        if !at_edge || is_given(range.parameter) {
+            return *range;
+        }
+        let more = (WIDER - 1.0) / 2.0 * (range.upper - range.lower);
+        Range {
+            lower: (range.lower - more).max(info.lower),
+            upper: (range.upper + more).min(info.upper),
+            ..*range
+        }
+    };
+    ranges.iter().zip(values).map(widen).collect()
 }

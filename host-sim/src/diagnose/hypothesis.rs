@@ -83,7 +83,8 @@ impl Hypothesis {
         let joint = if case.holdout().is_empty() {
             train.clone()
         } else {
-            fit::polish(&rig, &ranges, &train.values, case.records).unwrap_or_else(|| train.clone())
+            let all = candidate::fitted(&rig, ranges.clone(), &train.values, case.records);
+            all.map_or_else(|| train.clone(), |(_, fit)| fit)
         };
         let predictions = fit::predict(&joint.applied(&rig, &ranges), case.records);
         Self { rig, ranges, train, joint, predictions, added }
@@ -96,10 +97,7 @@ impl Hypothesis {
         let starts: Vec<_> = std::iter::once(here).chain(self.added.iter().flat_map(shown)).collect();
         let (ranges, train) = starts
             .into_par_iter()
-            .filter_map(|(ranges, start)| {
-                let train = fit::polish(&self.rig, &ranges, &start, case.train())?;
-                Some((ranges, train))
-            })
+            .filter_map(|(ranges, start)| candidate::fitted(&self.rig, ranges, &start, case.train()))
             .min_by(|(_, a), (_, b)| a.misfit.chi_square.total_cmp(&b.misfit.chi_square))
             .unwrap_or_else(|| (self.ranges.clone(), self.train.clone()));
         let rig = train.applied(&self.rig, &ranges);
@@ -141,6 +139,11 @@ impl Hypothesis {
                 Estimate::new(range, value, self.train.standard_error(index) * inflation.sqrt())
             })
             .collect()
+    }
+
+    /// The effect that was added last.
+    pub(super) fn newest(&self) -> Option<&'static EffectInfo> {
+        self.added.last().copied()
     }
 
     pub(super) fn same_effects(&self, other: &Self) -> bool {
@@ -266,7 +269,8 @@ impl Hypothesis {
         let mut ranges = self.ranges.clone();
         ranges.retain(|range| !effect.parameters.contains(&range.parameter));
         let start: Vec<f64> = ranges.iter().map(|range| rig.parameters.get(range.parameter)).collect();
-        let train = fit::polish(&rig, &ranges, &start, case.train()).unwrap_or_else(|| self.train.clone());
+        let (ranges, train) = candidate::fitted(&rig, ranges.clone(), &start, case.train())
+            .unwrap_or_else(|| (ranges, self.train.clone()));
         let rig = train.applied(&rig, &ranges);
         Self::validated(case, rig, ranges, train, added)
     }

@@ -172,9 +172,17 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f
     let root = if in_excerpts { root.refitted(&searched) } else { root };
     let (best, earned) = search(&searched, root, watch);
     watch("looking for what could stand in", 0.95);
-    let open = Open::after(&searched, &best, &earned);
-    let best = if in_excerpts { best.refitted(case) } else { best };
-    conclude(case, before, best, &earned, &open)
+    let whole = if in_excerpts { best.refitted(case) } else { best.clone() };
+    let named = whole.leaves_noise(case) || explains(&before.misfit, &whole.train.misfit);
+    let open = Open::after(&searched, &best, if named { &earned } else { &[] });
+    conclude(case, before, whole, &earned, &open)
+}
+
+/// Do effects take away so much of the misfit beyond noise that they are a name for what is there, not just a help for
+/// prediction?
+fn explains(before: &Misfit<f64>, after: &Misfit<f64>) -> bool {
+    let excess = |misfit: &Misfit<f64>| (misfit.mean_square() - 1.0).max(0.0);
+    excess(after) < (1.0 - NAMING_SHARE) * excess(before)
 }
 
 /// Grows the model with the declared faults alone by effects, and drops what does not earn its place.
@@ -236,7 +244,8 @@ fn soundest(case: &Case<'_>, mut tried: Vec<Hypothesis>) -> (Hypothesis, Vec<Ear
 
 /// What the records leave open.
 struct Open {
-    /// For each effect that was found, the hypotheses with another in its place that do as well.
+    /// For each effect that was found, the hypotheses with another in its place that do as well; empty where what was
+    /// found is not named.
     stand_ins: Vec<Vec<Hypothesis>>,
     /// For each declared fault, the effects whose presence would leave it undetermined.
     confounded: Vec<Vec<&'static EffectInfo>>,
@@ -265,21 +274,19 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned], o
         (true, false) => Verdict::Explained,
         (false, _) => Verdict::Unexplained,
     };
-    // Effects that leave much of the misfit are a help for prediction, not a name for what is there.
-    let excess = |misfit: &Misfit<f64>| (misfit.mean_square() - 1.0).max(0.0);
-    let explains = excess(&best.train.misfit) < (1.0 - NAMING_SHARE) * excess(&before.misfit);
+    let named = !open.stand_ins.is_empty();
     let inflation = if noise_only { 1.0 } else { inflation(case.train(), &predictions, &best.train.misfit) };
     let estimates: Vec<Estimate> = best.estimates(inflation);
     let found: Vec<Found> = earned
         .iter()
-        .zip(&open.stand_ins)
-        .map(|(earned, others)| Found {
+        .enumerate()
+        .map(|(index, earned)| Found {
             effect: earned.effect,
             class: std::iter::once(earned.effect)
-                .chain(others.iter().filter_map(|other| other.added.last().copied()))
+                .chain(open.stand_ins.get(index).into_iter().flatten().filter_map(Hypothesis::newest))
                 .collect(),
             evidence: earned.evidence,
-            named: noise_only || explains,
+            named,
             estimates: estimates
                 .iter()
                 .filter(|estimate| earned.effect.parameters.contains(&estimate.parameter))
