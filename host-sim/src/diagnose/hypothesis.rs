@@ -1,6 +1,7 @@
 //! A model that may be the right one: effects added to the rig, all that is free fitted.
 
-use super::candidate::{self, Candidate, Prospect, Rough};
+use super::candidate::{self, Candidate, Prospect};
+use super::place::{self, Place};
 use super::residual::{self, MEASURED, MODEL_ERROR};
 use super::{Case, RESIDUAL_LIMIT};
 use crate::fit::{self, Estimate, Fit, Polished};
@@ -92,12 +93,12 @@ impl Hypothesis {
 
     /// The same model for the records of another case, of which its own are a part or which are a part of its own.
     pub(super) fn refitted(&self, case: &Case<'_>) -> Self {
-        let here = (self.ranges.clone(), self.train.values.clone());
-        let shown = |effect: &&EffectInfo| candidate::shown_by(effect, &self.rig, &self.ranges, case.train());
+        let here = Place { ranges: self.ranges.clone(), values: self.train.values.clone() };
+        let shown = |effect: &&EffectInfo| place::shown_by(effect, &self.rig, &self.ranges, case.train());
         let starts: Vec<_> = std::iter::once(here).chain(self.added.iter().flat_map(shown)).collect();
         let (ranges, train) = starts
             .into_par_iter()
-            .filter_map(|(ranges, start)| candidate::fitted(&self.rig, ranges, &start, case.train()))
+            .filter_map(|start| candidate::fitted(&self.rig, start.ranges, &start.values, case.train()))
             .min_by(|(_, a), (_, b)| a.misfit.chi_square.total_cmp(&b.misfit.chi_square))
             .unwrap_or_else(|| (self.ranges.clone(), self.train.clone()));
         let rig = train.applied(&self.rig, &ranges);
@@ -195,12 +196,12 @@ impl Hypothesis {
         promising.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
         promising.truncate(MOST_APPROACHED);
         promising.append(&mut asked);
-        let mut near: Vec<Rough> = promising
+        let mut near: Vec<Candidate> = promising
             .par_iter()
             .filter(|_| !interrupt::requested())
             .filter_map(|prospect| prospect.approach(&self.rig, case.train()))
             .collect();
-        let reached = |near: &Rough| base - near.fit.misfit.chi_square;
+        let reached = |near: &Candidate| base - near.fit.misfit.chi_square;
         let wanted = near.iter().map(reached).fold(wanted, f64::max);
         near.retain(|near| reached(near) > FORESEEN * wanted);
         near.sort_by(|a, b| reached(b).total_cmp(&reached(a)));
@@ -208,7 +209,7 @@ impl Hypothesis {
         let mut candidates: Vec<Candidate> = near
             .into_par_iter()
             .filter(|_| !interrupt::requested())
-            .filter_map(|near| near.finish(&self.rig, case.train()))
+            .filter_map(|near| near.finished(&self.rig, case.train()))
             .collect();
         candidates.sort_by(|a, b| a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square));
         candidates
@@ -221,7 +222,7 @@ impl Hypothesis {
             .map(|candidate| {
                 let mut added = self.added.clone();
                 added.push(candidate.effect);
-                Self::validated(case, candidate.rig, candidate.ranges, candidate.fit, added)
+                Self::validated(case, candidate.applied(&self.rig), candidate.ranges, candidate.fit, added)
             })
             .collect()
     }

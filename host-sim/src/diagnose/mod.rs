@@ -19,6 +19,7 @@
 
 mod candidate;
 mod hypothesis;
+mod place;
 pub mod residual;
 mod ripple;
 

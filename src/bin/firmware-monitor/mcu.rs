@@ -21,7 +21,7 @@ const WINDOW: usize = 1000;
 const POPULATION: usize = 20;
 /// Modes whose transition matrices are kept: spool and jack, sliding or stuck, make four; more in the negative control of
 /// the budget for the monitor's state.
-const SLOTS: usize = if cfg!(feature = "negative-control-ram") { 5 } else { 4 };
+const SLOTS: usize = if cfg!(feature = "negative-control-ram") { 6 } else { 4 };
 
 #[cortex_m_rt::entry]
 fn start() -> ! {
