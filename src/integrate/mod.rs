@@ -6,17 +6,19 @@
 //! parabola for what is curved, [`midpoint::Midpoint`] by a second-order rule of fixed step for every model.
 
 pub mod collocation;
+mod crossing;
 pub mod exact;
+mod guards;
 mod ladder;
 pub mod midpoint;
 
+use crate::model::Model;
 use crate::model::corridor::{Corridor, Passage, WATCHED, Watched};
 use crate::model::state::{FULL_ORDER, Input, InputSegment, Mode, State};
-use crate::model::{EXTRA_GUARDS, LOOP_GUARDS, Model};
 use crate::scalar::Real;
+use crossing::{EVENTS_PER_STEP, cross};
+use guards::Guards;
 
-/// Events that one finest step may hold; more are left to the next step.
-const EVENTS_PER_STEP: usize = 8;
 /// Error of a step, in units of what is allowed, below which one of the next level is tried: twice as long, it errs
 /// some eight times as much.
 const ROOM: f64 = 0.1;
@@ -126,104 +128,6 @@ impl<T: Real> Run<T> {
     /// A run that starts at rest at a ram position.
     pub fn at_rest(model: &Model<T>, ram: T, input: &Input<T>) -> Self {
         Self::starting(model, model.at_rest(ram), model.mode_at_rest(), input)
-    }
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Guards<T> {
-    plain: [T; LOOP_GUARDS],
-    extra: [T; EXTRA_GUARDS],
-}
-
-impl<T: Real> Guards<T> {
-    const NONE: Self = Self { plain: [T::ZERO; LOOP_GUARDS], extra: [T::ZERO; EXTRA_GUARDS] };
-
-    #[inline(never)]
-    fn at(model: &Model<T>, mode: &Mode, state: &State<T>, input: &Input<T>, time: T) -> Self {
-        let extra = if model.has_extra_guards() {
-            model.extra_guards(mode, state, input, time)
-        } else {
-            [T::ONE; EXTRA_GUARDS]
-        };
-        Self { plain: model.loop_guards(mode, state, input), extra }
-    }
-
-    /// Are all guards clear of a violation and of a dip below zero over a step, at a glance? The usual case.
-    ///
-    /// `fall` is that of the step before. Where this says no, [`must_refine`](Self::must_refine) looks closer.
-    #[inline(always)]
-    fn all_clear(&self, fall: &Self, after: &Self, size: T, has_extra: bool) -> bool {
-        let is_clear = |before: &[T], after: &[T], fall: &[T]| {
-            before.iter().zip(after).zip(fall).all(|((&before, &after), &fall)| {
-                let dip = (fall * size).magnitude();
-                before >= dip && after >= dip
-            })
-        };
-        is_clear(&self.plain, &after.plain, &fall.plain)
-            && (!has_extra || is_clear(&self.extra, &after.extra, &fall.extra))
-    }
-
-    /// Is a guard violated after a step, or may it have been inside a step that can be divided?
-    ///
-    /// A parabola through three equally spaced points dips by an eighth of its fall over the first two; twice that is
-    /// looked out for.
-    #[cold]
-    fn must_refine(&self, fall: &Self, after: &Self, size: T, divisible: bool) -> bool {
-        let before = self.plain.iter().chain(&self.extra);
-        let after = after.plain.iter().chain(&after.extra);
-        let fall = fall.plain.iter().chain(&fall.extra);
-        before.zip(after).zip(fall).enumerate().any(|(index, ((&before, &after), &fall))| {
-            Model::<T>::is_violated(index, before, after)
-                || (divisible && before.smaller(after) + Model::<T>::slack(index) < fall * size)
-        })
-    }
-
-    /// Takes over the guards after a step of `size` finest steps, and in `fall` a quarter of what they fell by for
-    /// each finest step.
-    #[inline(always)]
-    fn accept(&mut self, fall: &mut Self, after: &Self, size: T, has_extra: bool) {
-        let weight = T::literal(0.25) / size;
-        for index in 0..LOOP_GUARDS {
-            fall.plain[index] = (self.plain[index] - after.plain[index]) * weight;
-        }
-        self.plain = after.plain;
-        if has_extra {
-            for index in 0..EXTRA_GUARDS {
-                fall.extra[index] = (self.extra[index] - after.extra[index]) * weight;
-            }
-            self.extra = after.extra;
-        }
-    }
-
-    fn get(&self, index: usize) -> T {
-        self.plain.iter().chain(&self.extra).nth(index).copied().unwrap_or(T::ONE)
-    }
-
-    /// A better fraction for the crossing of guard `index`, from its values at both ends and at a first guess.
-    fn secant(&self, at_guess: &Self, after: &Self, index: usize, guess: T) -> T {
-        let value = at_guess.get(index);
-        let (end, there) =
-            if value < T::ZERO { (T::ZERO, self.get(index)) } else { (T::ONE, after.get(index)) };
-        let slope = there - value;
-        if guess <= T::ZERO || guess >= T::ONE || slope == T::ZERO || (value < T::ZERO) == (there < T::ZERO) {
-            return guess;
-        }
-        guess - value * (end - guess) / slope
-    }
-
-    /// The guard that is crossed first, and the fraction of the step at which it is, by linear interpolation.
-    fn first_crossing(&self, after: &Self) -> Option<(usize, T)> {
-        let before = self.plain.iter().chain(&self.extra);
-        let mut first: Option<(usize, T)> = None;
-        for (index, (&before, &after)) in before.zip(after.plain.iter().chain(&after.extra)).enumerate() {
-            if Model::<T>::is_violated(index, before, after) {
-                let fraction = if before > T::ZERO { before / (before - after) } else { T::ZERO };
-                if first.is_none_or(|(_, earliest)| fraction < earliest) {
-                    first = Some((index, fraction));
-                }
-            }
-        }
-        first
     }
 }
 
@@ -571,138 +475,4 @@ fn divide<T: Real, S: Stepper<T>>(
         }
     }
     true
-}
-
-/// Takes a run over one finest step that holds at least one event.
-///
-/// Its parts are functions of their own: otherwise the stack would hold one while a mode's matrices are made.
-#[cold]
-fn cross<T: Real, S: Stepper<T>>(
-    stepper: &mut S,
-    model: &Model<T>,
-    run: &mut Run<T>,
-    segment: &InputSegment<T>,
-    elapsed: T,
-    observe: &mut impl FnMut(T),
-) {
-    run.fall = Guards::NONE;
-    (run.swing, run.has_margin) = ([T::ZERO; WATCHED], false);
-    let mut done = T::ZERO;
-    for _ in 0..EVENTS_PER_STEP {
-        if !meet(stepper, model, run, segment, elapsed, &mut done, observe) {
-            return;
-        }
-        stepper.enter(model, run);
-    }
-    finish(stepper, model, run, segment, elapsed, done);
-}
-
-/// Takes a run to the next event within a finest step, of which a part is done, and through it; without one to the end
-/// of the step. True if there was one.
-#[inline(never)]
-fn meet<T: Real, S: Stepper<T>>(
-    stepper: &S,
-    model: &Model<T>,
-    run: &mut Run<T>,
-    segment: &InputSegment<T>,
-    elapsed: T,
-    done: &mut T,
-    observe: &mut impl FnMut(T),
-) -> bool {
-    let unit = stepper.unit();
-    let input = segment.at(elapsed + unit * *done);
-    let left = T::ONE - *done;
-    let arc = Arc::ahead(stepper, model, run, &input, segment.force_rate);
-    let state = run.state.changed(&arc.after(left));
-    let end = elapsed + unit;
-    let guards = Guards::at(model, &run.mode, &state, &segment.at(end), segment.time + end);
-    let Some((index, guess)) = run.guards.first_crossing(&guards) else {
-        run.state = state;
-        run.guards = guards;
-        run.ceiling = ceiling::<T, S>(0, arc.error);
-        return false;
-    };
-    let at = |fraction: T| {
-        let elapsed = elapsed + unit * (*done + left * fraction);
-        (run.state.changed(&arc.after(left * fraction)), segment.at(elapsed), segment.time + elapsed)
-    };
-    // One secant step towards the crossing from the straight-line guess.
-    let (state, there, time) = at(guess);
-    let halfway = Guards::at(model, &run.mode, &state, &there, time);
-    let fraction = run.guards.secant(&halfway, &guards, index, guess);
-    let (state, input, now) = at(fraction);
-    *done += left * fraction;
-    run.state = state;
-    run.steps += 3;
-    run.events += 1;
-    observe(run.state.ground());
-    model.switch(index, &mut run.mode, &mut run.state, &input);
-    run.mode_number = run.mode.number();
-    run.guards = Guards::at(model, &run.mode, &run.state, &input, now);
-    true
-}
-
-/// Takes a run to the end of a finest step that holds too many events (a rig that chatters), in the mode that it is in.
-#[inline(never)]
-fn finish<T: Real, S: Stepper<T>>(
-    stepper: &S,
-    model: &Model<T>,
-    run: &mut Run<T>,
-    segment: &InputSegment<T>,
-    elapsed: T,
-    done: T,
-) {
-    let unit = stepper.unit();
-    let input = segment.at(elapsed + unit * done);
-    let arc = Arc::ahead(stepper, model, run, &input, segment.force_rate);
-    run.state = run.state.changed(&arc.after(T::ONE - done));
-    let end = elapsed + unit;
-    run.guards = Guards::at(model, &run.mode, &run.state, &segment.at(end), segment.time + end);
-}
-
-/// The motion over a finest step, between its ends: the cubic through both, with the rates there. It is within the
-/// step's fourth power.
-struct Arc<T> {
-    /// What the fraction of the step, its square and its cube add to each state.
-    powers: [[T; FULL_ORDER]; 3],
-    error: T,
-}
-
-impl<T: Real> Arc<T> {
-    fn ahead<S: Stepper<T>>(
-        stepper: &S,
-        model: &Model<T>,
-        run: &Run<T>,
-        input: &Input<T>,
-        force_rate: T,
-    ) -> Self {
-        let Step { state, error } = stepper.step(model, &run.mode, &run.state, input, force_rate, 0);
-        let unit = stepper.unit();
-        let end = Input {
-            command: input.command + input.command_rate * unit,
-            force: input.force + force_rate * unit,
-            ..*input
-        };
-        let mut powers = [
-            model.rate(&run.mode, &run.state, input).to_array(),
-            state.since(&run.state).to_array(),
-            model.rate(&run.mode, &state, &end).to_array(),
-        ];
-        let [first, second, third] = &mut powers;
-        for ((first, second), third) in first.iter_mut().zip(second).zip(third) {
-            *first *= unit;
-            let bend = *second - *first;
-            *third = (*third * unit - *second) - bend;
-            *second = bend - *third;
-        }
-        Self { powers, error }
-    }
-
-    /// What a fraction of the step adds to the state at its start.
-    fn after(&self, fraction: T) -> [T; FULL_ORDER] {
-        let [first, second, third] = &self.powers;
-        core::array::from_fn(|index| {
-            fraction * (first[index] + fraction * (second[index] + fraction * third[index]))
-        })
-    }
 }
