@@ -222,9 +222,31 @@ impl Hypothesis {
             .map(|candidate| {
                 let mut added = self.added.clone();
                 added.push(candidate.effect);
-                Self::validated(case, candidate.applied(&self.rig), candidate.ranges, candidate.fit, added)
+                let rig = candidate.applied(&self.rig);
+                let new = Self::validated(case, rig, candidate.ranges, candidate.fit, added);
+                let other = if new.is_in_doubt() { self.elsewhere(case, candidate.effect) } else { None };
+                let better = |other: &Self| other.joint.misfit.chi_square < new.joint.misfit.chi_square;
+                other.filter(better).unwrap_or(new)
             })
             .collect()
+    }
+
+    /// Are the fitted records explained, but not the held-out ones?
+    fn is_in_doubt(&self) -> bool {
+        let (train, joint) = (&self.train.misfit, &self.joint.misfit);
+        let held_out =
+            Misfit { chi_square: joint.chi_square - train.chi_square, count: joint.count - train.count };
+        within_noise(train) && !within_noise(&held_out)
+    }
+
+    /// The model with an effect in the valley that all records show best.
+    fn elsewhere(&self, case: &Case<'_>, effect: &'static EffectInfo) -> Option<Self> {
+        let prospect = candidate::look(effect, &self.rig, &self.ranges, case.records)?;
+        let all = prospect.approach(&self.rig, case.records)?.finished(&self.rig, case.records)?;
+        let (ranges, fit) = candidate::fitted(&self.rig, all.ranges, &all.fit.values, case.train())?;
+        let there = Candidate { effect, ranges, fit };
+        let added = self.added.iter().copied().chain([effect]).collect();
+        Some(Self::validated(case, there.applied(&self.rig), there.ranges, there.fit, added))
     }
 
     /// The hypotheses with one more effect that the fitted records ask for.

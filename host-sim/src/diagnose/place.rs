@@ -13,7 +13,11 @@ const REACH: f64 = 20.0;
 const NEAR: f64 = 0.6;
 /// Where an effect is looked for, and how far around, in its sizes: a play or a dead zone that is seen at one size is
 /// not linear in it.
-const ONE_SIDED: &[(f64, f64)] = &[(0.0, NEAR), (0.03, REACH), (0.3, REACH), (3.0, REACH)];
+const ONE_SIDED: &[(f64, f64)] = &[(0.0, NEAR), (0.03, NEAR), (0.3, 10.0 * NEAR), (3.0, REACH)];
+/// The same for an effect of several parameters: its absence says nothing of the others, and where it resonates a valley is
+/// narrower than a decade.
+const OF_SEVERAL: &[(f64, f64)] =
+    &[(0.003, 0.1 * NEAR), (0.03, NEAR), (0.3, 10.0 * NEAR), (1.0, REACH), (3.0, REACH), (10.0, REACH)];
 /// The same for what can be on either side of its absence.
 const TWO_SIDED: &[(f64, f64)] = &[(-2.0, REACH), (0.0, REACH), (2.0, REACH)];
 /// Times at which a step load is looked for.
@@ -74,7 +78,11 @@ pub(super) fn places(effect: &EffectInfo, rig: &Rig, records: &[Prepared]) -> Ve
             .collect(),
         [first, others @ ..] => {
             let (info, size, here) = (first.info(), effect.sizes[0], rig.parameters.get(*first));
-            let multiples = if here <= info.lower { ONE_SIDED } else { TWO_SIDED };
+            let multiples = match (here <= info.lower, others) {
+                (true, []) => ONE_SIDED,
+                (true, _) => OF_SEVERAL,
+                (false, _) => TWO_SIDED,
+            };
             let place = |&(multiple, reach_of_first): &(f64, f64)| Place {
                 ranges: std::iter::once(around(rig, *first, reach_of_first * size))
                     .chain((1..=others.len()).map(reach))
