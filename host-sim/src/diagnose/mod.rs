@@ -22,6 +22,7 @@ mod hypothesis;
 mod place;
 pub mod residual;
 mod ripple;
+mod weighing;
 
 use crate::fit::{self, Estimate, Fit, FitSettings, Prepared};
 use crate::interrupt;
@@ -30,8 +31,9 @@ use candidate::Prospect;
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
-use hypothesis::{Earned, Hypothesis};
+use hypothesis::Hypothesis;
 use residual::{ChannelResidual, Description, MEASURED};
+use weighing::Earned;
 
 /// Most effects that are added.
 const MOST_EFFECTS: usize = 5;

@@ -1,0 +1,111 @@
+//! Whether an effect earns its place in a hypothesis: significant, it matters, and the held-out records agree.
+
+use super::Case;
+use super::hypothesis::Hypothesis;
+use super::residual::{self, MEASURED, MODEL_ERROR};
+use eha_monitor::effect::EffectInfo;
+use eha_monitor::model::state::Outputs;
+use rayon::prelude::*;
+
+/// Rise of the held-out records' chi-square that chance explains (two standard deviations of one parameter), in units of
+/// what is left and for samples that say different things.
+const HOLDOUT_CHANCE: f64 = 4.0;
+/// Standard errors, over blocks of the records, that a gain must have where what is left is not noise.
+const ROBUST_SIGMA: f64 = 2.0;
+
+/// An effect that earns its place.
+pub(super) struct Earned {
+    pub(super) effect: &'static EffectInfo,
+    /// Twice the logarithm of the odds against the model without it.
+    pub(super) evidence: f64,
+    /// The model without it.
+    pub(super) without: Hypothesis,
+}
+
+impl Hypothesis {
+    /// The effects of the model, each weighed against the model without it as far as that is known.
+    fn weighed(&self, known: &[Self]) -> Vec<Earned> {
+        let scale = self.scale();
+        let weigh = |&effect: &&'static EffectInfo| {
+            let without = self.known_without(effect, known)?.clone();
+            let gain = (without.joint.misfit.chi_square - self.joint.misfit.chi_square) / scale;
+            Some(Earned { effect, evidence: gain - self.price(effect, scale), without })
+        };
+        self.added.iter().filter_map(weigh).collect()
+    }
+
+    /// Does every effect earn its place, as far as the model without it is known?
+    pub(super) fn is_welcome(&self, case: &Case<'_>, known: &[Self]) -> bool {
+        self.weighed(known).iter().all(|earned| self.earns(case, earned))
+    }
+
+    /// Drops the effects that do not earn their place beside the others, the weakest first, but those first that are
+    /// weighed without another fit. What was fitted before is in `known`, and what is fitted now is added to it.
+    pub(super) fn pruned(mut self, case: &Case<'_>, known: &mut Vec<Self>) -> (Self, Vec<Earned>) {
+        loop {
+            let mut earned = self.weighed(known);
+            if self.weakest(case, &earned).is_none() {
+                let open = self.added.par_iter().filter(|effect| self.known_without(effect, known).is_none());
+                let new: Vec<Self> = open.map(|effect| self.without(case, effect)).collect();
+                known.extend(new);
+                earned = self.weighed(known);
+            }
+            let Some(weakest) = self.weakest(case, &earned) else { return (self, earned) };
+            self = weakest.without.clone();
+        }
+    }
+
+    /// The weakest of the effects that do not earn their place.
+    fn weakest<'a>(&self, case: &Case<'_>, all: &'a [Earned]) -> Option<&'a Earned> {
+        let idle = all.iter().filter(|earned| !self.earns(case, earned));
+        idle.min_by(|a, b| a.evidence.total_cmp(&b.evidence))
+    }
+
+    /// Is an effect significant, does it matter, and do the held-out records agree?
+    fn earns(&self, case: &Case<'_>, earned: &Earned) -> bool {
+        let without = &earned.without;
+        let held_out = |model: &Self| model.joint.misfit.chi_square - model.train.misfit.chi_square;
+        let harm = (held_out(self) - held_out(without)) / self.scale();
+        earned.evidence > 0.0
+            && self.matters_against(case, without)
+            && if self.leaves_noise(case) {
+                harm < HOLDOUT_CHANCE
+            } else {
+                let left = &self.predictions[case.fitted..];
+                harm < HOLDOUT_CHANCE * residual::correlation_time(case.holdout(), left)
+                    && self.gains_everywhere(case, without)
+            }
+    }
+
+    /// Does it change the prediction of a record by more than the model's own error, or move a fault by more than its
+    /// error?
+    fn matters_against(&self, case: &Case<'_>, without: &Self) -> bool {
+        let changes = case.records.iter().zip(&without.predictions).zip(&self.predictions).any(
+            |((record, without), with)| {
+                (0..MEASURED).any(|channel| {
+                    let change = |(a, b): (&Outputs<f64>, &Outputs<f64>)| {
+                        (a.to_array()[channel] - b.to_array()[channel]).powi(2)
+                    };
+                    let sum: f64 = without.iter().zip(with).map(change).sum();
+                    record.noise[channel].is_finite()
+                        && (sum / record.len().max(1) as f64).sqrt() > MODEL_ERROR[channel]
+                })
+            },
+        );
+        let biases = (0..case.rig.faults.len()).any(|index| {
+            let shift = (self.train.values[index] - without.train.values[index]).abs();
+            shift > 3.0 * self.train.standard_error(index) * self.scale().sqrt()
+        });
+        changes || biases
+    }
+
+    /// Is its gain over another model more than the luck of a few places? What is left is not noise, so the spread of
+    /// the gain over blocks of the records is what there is to go by.
+    fn gains_everywhere(&self, case: &Case<'_>, without: &Self) -> bool {
+        let gains = residual::gains(case.records, &without.predictions, &self.predictions);
+        let count = gains.len().max(2) as f64;
+        let mean = gains.iter().sum::<f64>() / count;
+        let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        mean > ROBUST_SIGMA * (variance / count).sqrt()
+    }
+}
