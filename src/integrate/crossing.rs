@@ -9,6 +9,7 @@ use crate::scalar::Real;
 
 /// Events that one finest step may hold; more are left to the next step.
 pub(super) const EVENTS_PER_STEP: usize = 8;
+
 /// Takes a run over one finest step that holds at least one event.
 ///
 /// Its parts are functions of their own: otherwise the stack would hold one while a mode's matrices are made.

@@ -10,6 +10,7 @@ use eha_monitor::parameter::Parameter;
 /// Factor by which a range is widened where a fit ends at its edge, and how often.
 const WIDER: f64 = 10.0;
 const MOST_WIDENED: usize = 3;
+
 /// Can an effect act in a rig at all? An effect of the valve or the fluid needs them; one whose parameter is free
 /// already is part of the model.
 pub(super) fn applies(effect: &EffectInfo, rig: &Rig, ranges: &[Range]) -> bool {

@@ -207,15 +207,19 @@ impl Hypothesis {
         candidates
             .into_par_iter()
             .map(|candidate| {
-                let mut added = self.added.clone();
-                added.push(candidate.effect);
-                let rig = candidate.applied(&self.rig);
-                let new = Self::validated(case, rig, candidate.ranges, candidate.fit, added);
-                let other = if new.is_in_doubt() { self.elsewhere(case, candidate.effect) } else { None };
+                let effect = candidate.effect;
+                let new = self.joined(case, candidate);
+                let other = if new.is_in_doubt() { self.elsewhere(case, effect) } else { None };
                 let better = |other: &Self| other.joint.misfit.chi_square < new.joint.misfit.chi_square;
                 other.filter(better).unwrap_or(new)
             })
             .collect()
+    }
+
+    /// The model with a candidate in it.
+    fn joined(&self, case: &Case<'_>, candidate: Candidate) -> Self {
+        let added = self.added.iter().copied().chain([candidate.effect]).collect();
+        Self::validated(case, candidate.applied(&self.rig), candidate.ranges, candidate.fit, added)
     }
 
     /// Are the fitted records explained, but not the held-out ones?
@@ -231,9 +235,7 @@ impl Hypothesis {
         let prospect = candidate::look(effect, &self.rig, &self.ranges, case.records)?;
         let all = prospect.approach(&self.rig, case.records)?.finished(&self.rig, case.records)?;
         let (ranges, fit) = candidate::fitted(&self.rig, all.ranges, &all.fit.values, case.train())?;
-        let there = Candidate { effect, ranges, fit };
-        let added = self.added.iter().copied().chain([effect]).collect();
-        Some(Self::validated(case, there.applied(&self.rig), there.ranges, there.fit, added))
+        Some(self.joined(case, Candidate { effect, ranges, fit }))
     }
 
     /// The hypotheses with one more effect that the fitted records ask for.

@@ -177,7 +177,7 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f
     watch("looking for what could stand in", 0.95);
     let whole = if in_excerpts { best.refitted(case) } else { best.clone() };
     let named = whole.leaves_noise(case) || explains(&before.misfit, &whole.train.misfit);
-    let open = Open::after(&searched, &best, if named { &earned } else { &[] });
+    let open = Open::after(&searched, &best, &earned, named);
     conclude(case, before, whole, &earned, &open)
 }
 
@@ -221,7 +221,7 @@ fn search(
             break;
         }
         // What the held-out records speak against is grown last.
-        grown.sort_by_key(|new| !new.is_welcome(case, &tried));
+        grown.sort_by_cached_key(|new| !new.is_welcome(case, &tried));
         grown.truncate(BEAM);
         beam = grown;
     }
@@ -247,22 +247,26 @@ fn soundest(case: &Case<'_>, mut tried: Vec<Hypothesis>) -> (Hypothesis, Vec<Ear
 
 /// What the records leave open.
 struct Open {
-    /// For each effect that was found, the hypotheses with another in its place that do as well; empty where what was
-    /// found is not named.
+    /// Is what was found named?
+    named: bool,
+    /// For each effect that was found, the hypotheses with another in its place that do as well: none where it is not
+    /// named.
     stand_ins: Vec<Vec<Hypothesis>>,
     /// For each declared fault, the effects whose presence would leave it undetermined.
     confounded: Vec<Vec<&'static EffectInfo>>,
 }
 
 impl Open {
-    fn after(case: &Case<'_>, best: &Hypothesis, earned: &[Earned]) -> Self {
+    fn after(case: &Case<'_>, best: &Hypothesis, earned: &[Earned], named: bool) -> Self {
         let prospects = best.look(case);
         let confounded_with = |fault: usize| {
             let mixed_up = |prospect: &&Prospect| best.confuses(case, prospect).nth(fault) == Some(true);
             prospects.iter().filter(mixed_up).map(|prospect| prospect.effect).collect()
         };
+        let stand_ins = |earned| if named { best.stand_ins(case, earned) } else { Vec::new() };
         Self {
-            stand_ins: earned.iter().map(|earned| best.stand_ins(case, earned)).collect(),
+            named,
+            stand_ins: earned.iter().map(stand_ins).collect(),
             confounded: (0..case.rig.faults.len()).map(confounded_with).collect(),
         }
     }
@@ -277,19 +281,18 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned], o
         (true, false) => Verdict::Explained,
         (false, _) => Verdict::Unexplained,
     };
-    let named = !open.stand_ins.is_empty();
     let inflation = if noise_only { 1.0 } else { inflation(case.train(), &predictions, &best.train.misfit) };
     let estimates: Vec<Estimate> = best.estimates(inflation);
     let found: Vec<Found> = earned
         .iter()
-        .enumerate()
-        .map(|(index, earned)| Found {
+        .zip(&open.stand_ins)
+        .map(|(earned, others)| Found {
             effect: earned.effect,
             class: std::iter::once(earned.effect)
-                .chain(open.stand_ins.get(index).into_iter().flatten().filter_map(Hypothesis::newest))
+                .chain(others.iter().filter_map(Hypothesis::newest))
                 .collect(),
             evidence: earned.evidence,
-            named,
+            named: open.named,
             estimates: estimates
                 .iter()
                 .filter(|estimate| earned.effect.parameters.contains(&estimate.parameter))

@@ -36,7 +36,7 @@ impl Hypothesis {
 
     /// Does every effect earn its place, as far as the model without it is known?
     pub(super) fn is_welcome(&self, case: &Case<'_>, known: &[Self]) -> bool {
-        self.weighed(known).iter().all(|earned| self.earns(case, earned))
+        self.weakest(case, &self.weighed(known)).is_none()
     }
 
     /// Drops the effects that do not earn their place beside the others, the weakest first, but those first that are
@@ -57,24 +57,27 @@ impl Hypothesis {
 
     /// The weakest of the effects that do not earn their place.
     fn weakest<'a>(&self, case: &Case<'_>, all: &'a [Earned]) -> Option<&'a Earned> {
-        let idle = all.iter().filter(|earned| !self.earns(case, earned));
+        let noise_only = self.leaves_noise(case);
+        let repeats = if noise_only {
+            1.0
+        } else {
+            residual::correlation_time(case.holdout(), &self.predictions[case.fitted..])
+        };
+        let earns = |earned: &Earned| {
+            self.earns(case, earned, HOLDOUT_CHANCE * repeats)
+                && (noise_only || self.gains_everywhere(case, &earned.without))
+        };
+        let idle = all.iter().filter(|earned| !earns(earned));
         idle.min_by(|a, b| a.evidence.total_cmp(&b.evidence))
     }
 
-    /// Is an effect significant, does it matter, and do the held-out records agree?
-    fn earns(&self, case: &Case<'_>, earned: &Earned) -> bool {
+    /// Is an effect significant, does it matter, and do the held-out records agree, but for a rise of their chi-square
+    /// that chance explains?
+    fn earns(&self, case: &Case<'_>, earned: &Earned, chance: f64) -> bool {
         let without = &earned.without;
         let held_out = |model: &Self| model.joint.misfit.chi_square - model.train.misfit.chi_square;
         let harm = (held_out(self) - held_out(without)) / self.scale();
-        earned.evidence > 0.0
-            && self.matters_against(case, without)
-            && if self.leaves_noise(case) {
-                harm < HOLDOUT_CHANCE
-            } else {
-                let left = &self.predictions[case.fitted..];
-                harm < HOLDOUT_CHANCE * residual::correlation_time(case.holdout(), left)
-                    && self.gains_everywhere(case, without)
-            }
+        earned.evidence > 0.0 && harm < chance && self.matters_against(case, without)
     }
 
     /// Does it change the prediction of a record by more than the model's own error, or move a fault by more than its
