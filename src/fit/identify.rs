@@ -7,6 +7,9 @@ use crate::integrate::Stepper;
 use crate::scalar::Real;
 use nalgebra::RealField;
 
+/// Part of a parameter's range by which a place is elsewhere.
+const ELSEWHERE: f64 = 0.05;
+
 /// How an identification is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings<T> {
@@ -36,7 +39,7 @@ impl<T: Real> Default for Settings<T> {
 pub enum StopReason {
     /// The residual is as small as the noise lets it be.
     NoiseReached,
-    /// Two finishes from different generations ended at the same place: the best there is, but above the noise.
+    /// A finish from elsewhere found nothing better: the best there is, but above the noise.
     Settled,
     /// The budget of evaluations was used up first.
     Budget,
@@ -86,6 +89,14 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
         }
     }
 
+    /// Adds a place to the population that is worth a finish.
+    pub fn suggest<S: Stepper<T>>(&mut self, problem: &Problem<'_, T>, genes: &[T; GENES], stepper: &mut S) {
+        let misfit = problem.misfit(genes, stepper);
+        self.evaluations += 1;
+        self.count = Some(misfit.count);
+        self.search.insert(genes, misfit.mean_square());
+    }
+
     /// Goes on by one child or one finish; see [`gauss_newton::normal_equations`] for the steppers.
     pub fn advance<S: Stepper<T>>(&mut self, problem: &Problem<'_, T>, steppers: &mut [S]) -> Progress {
         if let Some(reason) = self.stop {
@@ -95,13 +106,13 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
             let Some(stepper) = steppers.first_mut() else { return Progress::Done(StopReason::Budget) };
             return Progress::Child(self.evaluate(problem, stepper));
         }
-        let Some((&best, _)) = self.search.best() else {
+        let Some(start) = self.next_start(problem.free.len()) else {
             self.stop = Some(StopReason::Budget);
             return Progress::Done(StopReason::Budget);
         };
-        let found = finish(problem, &best, &self.settings.finish, steppers);
+        let found = finish(problem, &start, &self.settings.finish, steppers);
         self.evaluations += found.evaluations;
-        let settled = self.polished.is_some_and(|last| same_place(&last, &found));
+        let settled = self.polished.is_some_and(|last| !is_better(&found, &last));
         if self.polished.is_none_or(|last| found.normal.misfit.chi_square < last.normal.misfit.chi_square) {
             self.polished = Some(found);
         }
@@ -123,6 +134,24 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
         self.next_finish = self.search.counters().evaluations
             + self.search.population() as u32 * self.settings.generations_between_finishes;
         Progress::Finished
+    }
+
+    /// Where the next finish starts: at the best member, but away from where the last one ended, which would only be
+    /// found again.
+    fn next_start(&self, free: usize) -> Option<[T; GENES]> {
+        let is_elsewhere = |genes: &[T; GENES]| {
+            self.polished.is_none_or(|last| {
+                let apart = |(a, b): (&T, &T)| (*a - *b).magnitude() > T::literal(ELSEWHERE);
+                genes.iter().zip(&last.genes).take(free).any(apart)
+            })
+        };
+        let mut start: Option<(&[T; GENES], T)> = None;
+        for (genes, cost) in self.search.members().filter(|(genes, _)| is_elsewhere(genes)) {
+            if start.is_none_or(|(_, least)| cost < least) {
+                start = Some((genes, cost));
+            }
+        }
+        start.or_else(|| self.search.best()).map(|(genes, _)| *genes)
     }
 
     /// Evaluates the next child, no further than it takes to see that it does not matter.
@@ -206,8 +235,8 @@ pub fn within_noise<T: Real>(misfit: &Misfit<T>) -> bool {
     excess <= T::ZERO || excess * excess * count <= T::literal(25.0 * 2.0)
 }
 
-/// Do two finishes agree within a thousandth of their chi-square, or within 1 of it?
-fn same_place<T: Real, const GENES: usize>(a: &Finish<T, GENES>, b: &Finish<T, GENES>) -> bool {
-    let (a, b) = (a.normal.misfit.chi_square, b.normal.misfit.chi_square);
-    (a - b).magnitude() <= (a * T::literal(1e-3)).larger(T::ONE)
+/// Is a finish better than another one by more than a thousandth of its chi-square, and by more than 1?
+fn is_better<T: Real, const GENES: usize>(new: &Finish<T, GENES>, known: &Finish<T, GENES>) -> bool {
+    let (new, known) = (new.normal.misfit.chi_square, known.normal.misfit.chi_square);
+    known - new > (known * T::literal(1e-3)).larger(T::ONE)
 }

@@ -88,8 +88,8 @@ impl<T: Real> Cogging<T> {
     /// Force against extension, N.
     #[inline]
     fn force(&self, ram: T) -> T {
-        let turns = ram * self.per_metre;
-        self.cosine * (turns + T::literal(0.25)).sine_of_turns() + self.sine * turns.sine_of_turns()
+        let [cosine, sine] = (ram * self.per_metre).circle_of_turns();
+        self.cosine * cosine + self.sine * sine
     }
 }
 

@@ -55,8 +55,21 @@ pub(crate) fn test() -> Result<(), Failure> {
 
 /// Makes the table of what `diagnose` makes of every effect.
 pub(crate) fn confusion() -> Result<(), Failure> {
-    let test = ["test", "--locked", "--package", "host-sim", "--test", "confusion"];
-    run(cargo().args(test).args(["--", "--ignored", "write_the_table"]))
+    run(&mut written_by("write_the_table"))
+}
+
+/// Makes the document of the drawn cases, or shows some of them.
+pub(crate) fn blind(cases: &[u64]) -> Result<(), Failure> {
+    let cases: Vec<String> = cases.iter().map(u64::to_string).collect();
+    run(written_by("write_the_drawn_cases").env("BLIND_CASES", cases.join(" ")))
+}
+
+/// A test that writes a document, and shows it as it is made.
+fn written_by(test: &str) -> Command {
+    let mut cargo = cargo();
+    cargo.args(["test", "--locked", "--package", "host-sim", "--test", "confusion", "--"]);
+    cargo.args(["--ignored", "--nocapture", test]);
+    cargo
 }
 
 /// Links the release firmware for every board. The emulated boards share one image here, which leaves out what only

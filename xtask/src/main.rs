@@ -16,7 +16,7 @@ struct Arguments {
 }
 
 /// A job.
-#[derive(Clone, Copy, Subcommand)]
+#[derive(Subcommand)]
 enum Task {
     /// Install what the tests need: the Rust target, QEMU, and a browser (skipped where it cannot be had).
     Setup,
@@ -34,6 +34,11 @@ enum Task {
     Firmware,
     /// Make `docs/confusion.md` anew: what `diagnose` makes of every effect of the catalogue. Some twenty minutes.
     Confusion,
+    /// Make `docs/blind.md` anew: what it makes of actuators of which everything is drawn at random. Some forty minutes.
+    Blind {
+        /// Numbers of cases to show; the document stays as it is.
+        cases: Vec<u64>,
+    },
     /// Run the monitor beside other programs on the same records and print one table; installs what they need.
     /// Not part of `ci`.
     Peers,
@@ -52,6 +57,7 @@ impl Task {
             Self::Test => job::test(),
             Self::Firmware => job::firmware(),
             Self::Confusion => job::confusion(),
+            Self::Blind { cases } => job::blind(&cases),
             Self::Peers => peers::run(),
         }
     }

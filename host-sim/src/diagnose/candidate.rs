@@ -64,8 +64,9 @@ pub(super) fn look(
 
 impl Prospect {
     /// A rough fit, from what the linear model foresees and from each place where it was looked for: what was free
-    /// before first follows it there, because it may have been far off to make up for the effect.
-    pub(super) fn approach(&self, rig: &Rig, records: &[Prepared]) -> Option<Candidate> {
+    /// before first follows it there, because it may have been far off to make up for the effect. `others` are more
+    /// values of that to start from.
+    pub(super) fn approach(&self, rig: &Rig, records: &[Prepared], others: &[Vec<f64>]) -> Option<Candidate> {
         let before = self.ranges.len() - self.effect.parameters.len();
         let followed = self.places.iter().filter_map(|Place { ranges, values }| {
             let mut there = rig.clone();
@@ -76,7 +77,14 @@ impl Prospect {
             Some((found.misfit.chi_square, ranges, [&found.values, &values[before..]].concat()))
         });
         let best = followed.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, ranges, values)| (ranges, values));
-        let starts = std::iter::once((&self.ranges, self.foreseen.values.clone())).chain(best);
+        let elsewhere = others.iter().flat_map(|before| {
+            self.places.iter().map(|Place { ranges, values }| {
+                let effect = values.iter().skip(before.len());
+                (ranges, before.iter().chain(effect).copied().collect())
+            })
+        });
+        let starts =
+            std::iter::once((&self.ranges, self.foreseen.values.clone())).chain(best).chain(elsewhere);
         starts
             .filter_map(|(ranges, start)| {
                 let fit = fit::approach(rig, ranges, &start, records)?;

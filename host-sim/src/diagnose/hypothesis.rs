@@ -18,15 +18,22 @@ use rayon::prelude::*;
 const PROMISING: f64 = 4.0;
 /// Part of a fall of chi-square that is wanted which the linear model must foresee.
 const FORESEEN: f64 = 0.1;
-/// Most effects that are approached by rough fits for a hypothesis in a round, the most promising first.
+/// Part of its price that the linear model must foresee for an effect to be fitted beside others that leave noise.
+const HIDDEN: f64 = 0.5;
+/// Most effects that are approached by rough fits for a hypothesis in a round after the first, the most promising first.
 const MOST_APPROACHED: usize = 10;
 /// Most of them that are fitted, to the fitted records and to all: more than look alike in the position alone, so that
 /// the held-out records decide among these.
 const MOST_FITTED: usize = 8;
+/// Share of the misfit beyond noise that effects must take away to be named although something else is left.
+const NAMING_SHARE: f64 = 0.99;
 /// A fault whose standard error grows by this factor when an effect is fitted beside it is confounded with the effect.
 const CONFOUNDED: f64 = 5.0;
 /// Twice the logarithm of the odds (100 to 1) below which two effects are not told apart.
-const CLASS_EVIDENCE: f64 = 9.2;
+pub(super) const CLASS_EVIDENCE: f64 = 9.2;
+/// Fall of chi-square from which a valley is another one, and how often a model moves to one.
+pub(super) const BETTER_VALLEY: f64 = 1.0;
+const MOST_MOVES: usize = 3;
 /// Twice the logarithm of the odds (10^50 to 1) against a candidate beside the best that no held-out record makes up for.
 const HOPELESS: f64 = 230.0;
 
@@ -60,12 +67,13 @@ impl Hypothesis {
         Self::validated(case, rig, ranges, train, Vec::new())
     }
 
-    /// Fits the held-out records as well.
+    /// Fits the held-out records as well. Where that leads to a valley that the fitted records alone like better than
+    /// theirs, they had been in a wrong one.
     fn validated(
         case: &Case<'_>,
-        rig: Rig,
+        mut rig: Rig,
         ranges: Vec<Range>,
-        train: Polished,
+        mut train: Polished,
         added: Vec<&'static EffectInfo>,
     ) -> Self {
         let joint = if case.holdout().is_empty() {
@@ -74,6 +82,13 @@ impl Hypothesis {
             let all = candidate::fitted(&rig, ranges.clone(), &train.values, case.records);
             all.map_or_else(|| train.clone(), |(_, fit)| fit)
         };
+        let there = fit::misfit(&rig, &ranges, &joint.values, case.train());
+        if there.chi_square < train.misfit.chi_square - BETTER_VALLEY
+            && let Some(better) = fit::polish(&rig, &ranges, &joint.values, case.train())
+        {
+            rig = better.applied(&rig, &ranges);
+            train = better;
+        }
         let predictions = fit::predict(&joint.applied(&rig, &ranges), case.records);
         Self { rig, ranges, train, joint, predictions, added }
     }
@@ -160,8 +175,25 @@ impl Hypothesis {
             .collect()
     }
 
+    /// Are its effects a name for what is there, not just a help for prediction? They leave noise, or take nearly all of
+    /// the misfit beyond it that there was without them.
+    pub(super) fn is_name(&self, case: &Case<'_>, without: &Misfit<f64>) -> bool {
+        let excess = |misfit: &Misfit<f64>| (misfit.mean_square() - 1.0).max(0.0);
+        self.leaves_noise(case) || excess(&self.train.misfit) < (1.0 - NAMING_SHARE) * excess(without)
+    }
+
+    /// For each declared fault, the effects whose presence would leave it undetermined.
+    pub(super) fn confounded(&self, case: &Case<'_>) -> Vec<Vec<&'static EffectInfo>> {
+        let prospects = self.look(case);
+        let confounded_with = |fault: usize| {
+            let mixed_up = |prospect: &&Prospect| self.confuses(case, prospect).nth(fault) == Some(true);
+            prospects.iter().filter(mixed_up).map(|prospect| prospect.effect).collect()
+        };
+        (0..case.rig.faults.len()).map(confounded_with).collect()
+    }
+
     /// For each declared fault: would an effect leave it undetermined?
-    pub(super) fn confuses(&self, case: &Case<'_>, prospect: &Prospect) -> impl Iterator<Item = bool> {
+    fn confuses(&self, case: &Case<'_>, prospect: &Prospect) -> impl Iterator<Item = bool> {
         (0..case.rig.faults.len()).map(|fault| {
             prospect.foreseen.standard_error(fault) > CONFOUNDED * self.train.standard_error(fault)
         })
@@ -170,8 +202,8 @@ impl Hypothesis {
     /// Fits the effects that promise to lower chi-square, and those that are mixed up with a fault: the fault may be
     /// far from the truth in place of the effect, and the linear model there says nothing. The best first. `wanted` is
     /// the fall of chi-square that is of interest, at least that of the best: where the linear model foresees a small
-    /// part of it only, or the approach reaches no more, the fit will not reach it.
-    fn fit_promising(&self, case: &Case<'_>, wanted: f64) -> Vec<Candidate> {
+    /// part of it only, or the approach reaches no more, the fit will not reach it. `others` are more values to start from.
+    fn fit_promising(&self, case: &Case<'_>, wanted: f64, others: &[Vec<f64>]) -> Vec<Candidate> {
         let base = self.train.misfit.chi_square;
         let gain = |prospect: &Prospect| base - prospect.foreseen.misfit.chi_square;
         let (mut asked, mut promising): (Vec<Prospect>, Vec<Prospect>) = self
@@ -179,14 +211,21 @@ impl Hypothesis {
             .into_iter()
             .partition(|prospect| self.confuses(case, prospect).any(|mixed| mixed));
         let wanted = promising.iter().map(gain).fold(wanted, f64::max);
-        promising.retain(|prospect| gain(prospect) > PROMISING.max(FORESEEN * wanted));
+        let hides = !self.added.is_empty() && within_noise(&self.train.misfit);
+        let least = |prospect: &Prospect| {
+            if hides { HIDDEN * self.price(prospect.effect, 1.0) } else { PROMISING.max(FORESEEN * wanted) }
+        };
+        promising.retain(|prospect| gain(prospect) > least(prospect));
+        asked.retain(|prospect| !hides || gain(prospect) > least(prospect));
         promising.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
-        promising.truncate(MOST_APPROACHED);
+        if !self.added.is_empty() {
+            promising.truncate(MOST_APPROACHED);
+        }
         promising.append(&mut asked);
         let mut near: Vec<Candidate> = promising
             .par_iter()
             .filter(|_| !interrupt::requested())
-            .filter_map(|prospect| prospect.approach(&self.rig, case.train()))
+            .filter_map(|prospect| prospect.approach(&self.rig, case.train(), others))
             .collect();
         let reached = |near: &Candidate| base - near.fit.misfit.chi_square;
         let wanted = near.iter().map(reached).fold(wanted, f64::max);
@@ -200,6 +239,13 @@ impl Hypothesis {
             .collect();
         candidates.sort_by(|a, b| a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square));
         candidates
+    }
+
+    /// The effects that the fitted records may ask for. What is left after an effect is coloured: what takes less than a
+    /// tenth of it is not worth a fit.
+    fn promising(&self, case: &Case<'_>) -> Vec<Candidate> {
+        let wanted = beyond_noise(&self.train.misfit).filter(|_| !self.added.is_empty());
+        self.fit_promising(case, wanted.unwrap_or(0.0), &[])
     }
 
     /// Makes hypotheses of candidates.
@@ -233,16 +279,32 @@ impl Hypothesis {
     /// The model with an effect in the valley that all records show best.
     fn elsewhere(&self, case: &Case<'_>, effect: &'static EffectInfo) -> Option<Self> {
         let prospect = candidate::look(effect, &self.rig, &self.ranges, case.records)?;
-        let all = prospect.approach(&self.rig, case.records)?.finished(&self.rig, case.records)?;
+        let all = prospect.approach(&self.rig, case.records, &[])?.finished(&self.rig, case.records)?;
         let (ranges, fit) = candidate::fitted(&self.rig, all.ranges, &all.fit.values, case.train())?;
         Some(self.joined(case, Candidate { effect, ranges, fit }))
     }
 
-    /// The hypotheses with one more effect that the fitted records ask for.
-    pub(super) fn grow(&self, case: &Case<'_>) -> Vec<Self> {
-        // What is left after an effect is coloured: what takes less than a tenth of it is not worth a fit.
-        let wanted = beyond_noise(&self.train.misfit).filter(|_| !self.added.is_empty());
-        let mut candidates = self.fit_promising(case, wanted.unwrap_or(0.0));
+    /// The same model where the fits of more effects show a better valley of its own.
+    fn moved(&self, case: &Case<'_>, candidates: &[Candidate]) -> Option<Self> {
+        let shown = candidates.iter().map(|candidate| &candidate.fit.values[..self.ranges.len()]);
+        let chi_square =
+            |values: &&[f64]| fit::misfit(&self.rig, &self.ranges, values, case.train()).chi_square;
+        let values = shown.min_by(|a, b| chi_square(a).total_cmp(&chi_square(b)))?;
+        let train = fit::polish(&self.rig, &self.ranges, values, case.train())?;
+        let is_better = train.misfit.chi_square < self.train.misfit.chi_square - BETTER_VALLEY;
+        let rig = train.applied(&self.rig, &self.ranges);
+        is_better.then(|| Self::validated(case, rig, self.ranges.clone(), train, self.added.clone()))
+    }
+
+    /// The hypotheses with one more effect that the fitted records ask for. Where the fits of these show a better valley of
+    /// the model without them, it moves there first.
+    pub(super) fn grow(&mut self, case: &Case<'_>) -> Vec<Self> {
+        let mut candidates = self.promising(case);
+        for _ in 0..MOST_MOVES {
+            let Some(moved) = self.moved(case, &candidates) else { break };
+            *self = moved;
+            candidates = self.promising(case);
+        }
         let Some(best) = candidates.first() else { return Vec::new() };
         let scale = best.fit.misfit.mean_square().max(1.0);
         let best = best.fit.misfit.chi_square;
@@ -294,13 +356,16 @@ impl Hypothesis {
         let mine = |chi_square: f64, effect| chi_square / scale + self.price(effect, scale) + CLASS_EVIDENCE;
         let limit = mine(self.train.misfit.chi_square, earned.effect);
         let joint_limit = mine(self.joint.misfit.chi_square, earned.effect);
-        let mut others =
-            earned.without.fit_promising(case, earned.without.train.misfit.chi_square - scale * limit);
+        let without = &earned.without;
+        let value = |range: &Range| self.rig.parameters.get(range.parameter);
+        let here = without.ranges.iter().map(value).collect();
+        let wanted = without.train.misfit.chi_square - scale * limit;
+        let mut others = without.fit_promising(case, wanted, &[here]);
         others.retain(|other| {
             other.effect.name != earned.effect.name
                 && other.fit.misfit.chi_square / scale + self.price(other.effect, scale) < limit
         });
-        let mut others = earned.without.with(case, others);
+        let mut others = without.with(case, others);
         others.retain(|other| {
             let price = other.added.last().map_or(0.0, |effect| self.price(effect, scale));
             other.joint.misfit.chi_square / scale + price < joint_limit

@@ -13,7 +13,7 @@
 //! drop what does not earn its place beside the others: significant, matters, validates on the held-out records
 //!        |
 //!        v
-//! which effects could stand in for each that is left? --> its class
+//! which effects could stand in for each that is left? --> its class, or its place
 //! residual noise? adequate or explained : unexplained
 //! ```
 
@@ -22,30 +22,20 @@ mod hypothesis;
 mod place;
 pub mod residual;
 mod ripple;
+mod search;
 mod weighing;
 
-use crate::fit::{self, Estimate, Fit, FitSettings, Prepared};
-use crate::interrupt;
+use crate::fit::{self, Estimate, Fit, FitSettings, Polished, Prepared};
 use crate::rig::Rig;
-use candidate::Prospect;
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
-use hypothesis::Hypothesis;
+use hypothesis::{BETTER_VALLEY, Hypothesis};
 use residual::{ChannelResidual, Description, MEASURED};
 use weighing::Earned;
 
-/// Most effects that are added.
-const MOST_EFFECTS: usize = 5;
-/// Hypotheses that are grown further.
-const BEAM: usize = 3;
 /// Standard deviations of the residual tests: with four channels, a chance of 1e-4 of a false alarm.
 const RESIDUAL_LIMIT: f64 = 5.0;
-/// Share of the misfit beyond noise that another effect must take away for a further one to be tried beside it. What is
-/// left is coloured; of one that swings some hundred times, the best of the catalogue takes a tenth by chance.
-const GROWING_SHARE: f64 = 0.1;
-/// Share of the misfit beyond noise that effects must take away to be named although something else is left.
-const NAMING_SHARE: f64 = 0.99;
 
 /// What the data say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -161,7 +151,7 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f
         }
     }
     watch("fitting the declared faults", 0.0);
-    let before = fit::fit(case.rig, &ranges, case.train(), settings, |_| {});
+    let mut before = fit::fit(case.rig, &ranges, case.train(), settings, |_| {});
     let root = Hypothesis::root(case, &before, ranges);
     // Long records are searched in excerpts; what is found is then fitted to the whole.
     let excerpts: Vec<Option<Prepared>> = case.records.iter().map(Prepared::excerpt).collect();
@@ -173,103 +163,32 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f
         .collect();
     let searched = Case { records: &searched, ..*case };
     let root = if in_excerpts { root.refitted(&searched) } else { root };
-    let (best, earned) = search(&searched, root, watch);
-    watch("looking for what could stand in", 0.95);
-    let whole = if in_excerpts { best.refitted(case) } else { best.clone() };
-    let named = whole.leaves_noise(case) || explains(&before.misfit, &whole.train.misfit);
-    let open = Open::after(&searched, &best, &earned, named);
-    conclude(case, before, whole, &earned, &open)
-}
-
-/// Do effects take away so much of the misfit beyond noise that they are a name for what is there, not just a help for
-/// prediction?
-fn explains(before: &Misfit<f64>, after: &Misfit<f64>) -> bool {
-    let excess = |misfit: &Misfit<f64>| (misfit.mean_square() - 1.0).max(0.0);
-    excess(after) < (1.0 - NAMING_SHARE) * excess(before)
-}
-
-/// Grows the model with the declared faults alone by effects, and drops what does not earn its place.
-fn search(
-    case: &Case<'_>,
-    root: Hypothesis,
-    watch: &(dyn Fn(&str, f64) + Sync),
-) -> (Hypothesis, Vec<Earned>) {
-    let mut beam = vec![root];
-    let mut tried = beam.clone();
-    for stage in 0..MOST_EFFECTS {
-        if interrupt::requested() {
-            break;
-        }
-        let label = format!("trying effects, round {}", stage + 1);
-        let mut grown: Vec<Hypothesis> = Vec::new();
-        for (index, hypothesis) in beam.iter().enumerate() {
-            let share = (stage as f64 + index as f64 / BEAM as f64 + 0.5) / (MOST_EFFECTS as f64 + 1.0);
-            watch(&label, share);
-            for new in hypothesis.grow(case) {
-                if !grown.iter().any(|known| known.same_effects(&new)) {
-                    grown.push(new);
-                }
-            }
-        }
-        let scale = grown.iter().chain(&tried).map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
-        tried.extend(grown.iter().cloned());
-        grown.sort_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)));
-        let best = grown.first().map_or(f64::INFINITY, |first| first.cost(scale));
-        let settled = beam.iter().all(|parent| parent.cost(scale) <= best);
-        let helpless = grown.iter().all(|new| new.share_of(&beam[0]) < GROWING_SHARE);
-        if settled || helpless || grown.iter().any(|hypothesis| hypothesis.leaves_noise(case)) {
-            break;
-        }
-        // What the held-out records speak against is grown last.
-        grown.sort_by_cached_key(|new| !new.is_welcome(case, &tried));
-        grown.truncate(BEAM);
-        beam = grown;
+    let sound = search::search(&searched, root, watch);
+    let Hypothesis { ranges, train: Polished { values, .. }, .. } = &sound.root;
+    let there = fit::misfit(case.rig, ranges, values, case.train());
+    if there.chi_square < before.misfit.chi_square - BETTER_VALLEY {
+        before = fit::fit_near(case.rig, ranges, values, case.train(), settings);
     }
-    watch("testing what was found", 0.9);
-    soundest(case, tried)
-}
-
-/// The hypothesis of the lowest cost whose effects all earn their place.
-fn soundest(case: &Case<'_>, mut tried: Vec<Hypothesis>) -> (Hypothesis, Vec<Earned>) {
-    let scale = tried.iter().map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
-    let cost = |(hypothesis, _): &(Hypothesis, Option<Vec<Earned>>)| hypothesis.cost(scale);
-    let mut open: Vec<_> = tried.iter().cloned().map(|hypothesis| (hypothesis, None)).collect();
-    loop {
-        open.sort_by(|a, b| cost(b).total_cmp(&cost(a)));
-        let Some((hypothesis, earned)) = open.pop() else { unreachable!("what is popped is pushed again") };
-        if let Some(earned) = earned {
-            return (hypothesis, earned);
-        }
-        let (sound, earned) = hypothesis.pruned(case, &mut tried);
-        open.push((sound, Some(earned)));
-    }
+    watch("looking for what is mixed up with a fault", 0.95);
+    let whole = if in_excerpts { sound.best.refitted(case) } else { sound.best.clone() };
+    let named = whole.is_name(case, &before.misfit);
+    let none = || vec![Vec::new(); sound.earned.len()];
+    let open = Open {
+        named,
+        stand_ins: if named { sound.stand_ins } else { none() },
+        confounded: sound.best.confounded(&searched),
+    };
+    conclude(case, before, whole, &sound.earned, &open)
 }
 
 /// What the records leave open.
 struct Open {
     /// Is what was found named?
     named: bool,
-    /// For each effect that was found, the hypotheses with another in its place that do as well: none where it is not
-    /// named.
+    /// For each effect that was found, the hypotheses with another in its place that do as well.
     stand_ins: Vec<Vec<Hypothesis>>,
     /// For each declared fault, the effects whose presence would leave it undetermined.
     confounded: Vec<Vec<&'static EffectInfo>>,
-}
-
-impl Open {
-    fn after(case: &Case<'_>, best: &Hypothesis, earned: &[Earned], named: bool) -> Self {
-        let prospects = best.look(case);
-        let confounded_with = |fault: usize| {
-            let mixed_up = |prospect: &&Prospect| best.confuses(case, prospect).nth(fault) == Some(true);
-            prospects.iter().filter(mixed_up).map(|prospect| prospect.effect).collect()
-        };
-        let stand_ins = |earned| if named { best.stand_ins(case, earned) } else { Vec::new() };
-        Self {
-            named,
-            stand_ins: earned.iter().map(stand_ins).collect(),
-            confounded: (0..case.rig.faults.len()).map(confounded_with).collect(),
-        }
-    }
 }
 
 /// Puts the answer together.

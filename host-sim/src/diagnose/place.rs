@@ -19,7 +19,7 @@ const ONE_SIDED: &[(f64, f64)] = &[(0.0, NEAR), (0.03, NEAR), (0.3, 10.0 * NEAR)
 const OF_SEVERAL: &[(f64, f64)] =
     &[(0.003, 0.1 * NEAR), (0.03, NEAR), (0.3, 10.0 * NEAR), (1.0, REACH), (3.0, REACH), (10.0, REACH)];
 /// The same for what can be on either side of its absence.
-const TWO_SIDED: &[(f64, f64)] = &[(-2.0, REACH), (0.0, REACH), (2.0, REACH)];
+const TWO_SIDED: &[(f64, f64)] = &[(-2.0, REACH), (0.0, NEAR), (0.0, REACH), (2.0, REACH)];
 /// Times at which a step load is looked for.
 const STEP_TIMES: usize = 10;
 

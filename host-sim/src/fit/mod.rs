@@ -8,7 +8,7 @@ mod prepare;
 
 pub use closed_loop::{LoopScore, loop_score};
 pub use noise::{NoiseSource, correlation_time, noise_of, noise_source, pooled, quantum, residual_series};
-pub use polish::{Polished, approach, foresee, polish};
+pub use polish::{Polished, approach, foresee, misfit, polish};
 pub use prepare::{Prepared, prepare, prepare_with};
 
 use crate::interrupt;
@@ -166,7 +166,19 @@ pub fn fit(
     settings: &FitSettings,
     mut watch: impl FnMut(Standing),
 ) -> Fit {
-    on_records(rig, ranges, records, FIT_TOLERANCE, Search { settings, watch: &mut watch })
+    on_records(rig, ranges, records, FIT_TOLERANCE, Search { settings, near: None, watch: &mut watch })
+}
+
+/// The same, where some values are known to be good.
+pub fn fit_near(
+    rig: &Rig,
+    ranges: &[Range],
+    values: &[f64],
+    records: &[Prepared],
+    settings: &FitSettings,
+) -> Fit {
+    let search = Search { settings, near: Some(values), watch: &mut |_| {} };
+    on_records(rig, ranges, records, FIT_TOLERANCE, search)
 }
 
 /// What a model with given parameters predicts for each record.
@@ -186,6 +198,7 @@ impl Job for Trace {
 
 struct Search<'a, W> {
     settings: &'a FitSettings,
+    near: Option<&'a [f64]>,
     watch: &'a mut W,
 }
 
@@ -193,13 +206,14 @@ impl<W: FnMut(Standing)> Job for Search<'_, W> {
     type Output = Fit;
 
     fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Fit {
-        search(problem, self.settings, steppers, self.watch)
+        search(problem, self.settings, self.near, steppers, self.watch)
     }
 }
 
 fn search<S: Stepper<f64>>(
     problem: &Problem<'_, f64>,
     settings: &FitSettings,
+    near: Option<&[f64]>,
     steppers: &mut [S],
     watch: &mut impl FnMut(Standing),
 ) -> Fit {
@@ -208,6 +222,9 @@ fn search<S: Stepper<f64>>(
     core_settings.search.population = settings.population;
     let mut identification =
         Identification::<f64, MAX_FREE, MAX_POPULATION>::new(problem, core_settings, settings.seed);
+    if let Some(values) = near {
+        identification.suggest(problem, &polish::genes_of(problem, values), &mut steppers[0]);
+    }
     let mut visits = Vec::new();
     let mut searching = 0.0;
     let mut interrupted = false;

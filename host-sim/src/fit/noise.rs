@@ -65,6 +65,12 @@ pub fn pooled(records: impl Iterator<Item = [f64; MEASURED]>) -> [f64; MEASURED]
 /// `sqrt(1 + 16 + 36 + 16 + 1)`. The median absolute value ignores steps and reversals. A quantised series at rest has
 /// mostly zero differences: the noise is then not below that of the quantum, `q/sqrt(12)`.
 fn of_series(values: &[f64]) -> f64 {
+    let quantum = quantum(values);
+    spread(values, quantum).max(quantum / 12.0_f64.sqrt())
+}
+
+/// The same from the differences alone, those of values that are multiples of a quantum (0: of any).
+fn spread(values: &[f64], quantum: f64) -> f64 {
     let mut differences: Vec<f64> = values
         .windows(5)
         .map(|w| (w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]).abs())
@@ -73,9 +79,19 @@ fn of_series(values: &[f64]) -> f64 {
     if differences.is_empty() {
         return 0.0;
     }
-    let middle = differences.len() / 2;
-    let median = *differences.select_nth_unstable_by(middle, f64::total_cmp).1;
-    (median / 0.674_489_75 / 70.0_f64.sqrt()).max(quantum(values) / 12.0_f64.sqrt())
+    differences.sort_by(f64::total_cmp);
+    median(&differences, quantum) / 0.674_489_75 / 70.0_f64.sqrt()
+}
+
+/// Median of magnitudes in order, some of them. Those that are multiples of a quantum stand for all that lies half of it
+/// around each: the middle one alone would err by that much.
+fn median(magnitudes: &[f64], quantum: f64) -> f64 {
+    let middle = magnitudes[magnitudes.len() / 2];
+    let below = magnitudes.partition_point(|&magnitude| magnitude < middle - 0.5 * quantum);
+    let up_to = magnitudes.partition_point(|&magnitude| magnitude <= middle + 0.5 * quantum);
+    let edges = [(middle - 0.5 * quantum).max(0.0), middle + 0.5 * quantum];
+    let share = (0.5 * magnitudes.len() as f64 - below as f64) / (up_to - below) as f64;
+    edges[0] + share * (edges[1] - edges[0])
 }
 
 /// The step in which a series is quantised; 0 where it is not (fewer than half of its neighbours agree exactly on
@@ -173,6 +189,21 @@ mod tests {
     fn noise_of_a_moving_signal_is_found_to_five_percent() {
         let values = noisy(5000, 5e-6, |t| 4e-3 * (31.4 * t).sin());
         assert!((of_series(&values) / 5e-6 - 1.0).abs() < 0.05);
+    }
+
+    #[test]
+    fn a_coarse_quantum_does_not_hide_the_noise() {
+        let fine = noisy(20_000, 5e-6, |t| 4e-3 * (31.4 * t).sin());
+        let mut worst = [0.0_f64; 2];
+        for quantum in [1e-6, 2e-6, 3.3e-6, 5e-6, 7.7e-6, 1e-5, 1.3e-5] {
+            let values: Vec<f64> = fine.iter().map(|x| (x / quantum).round() * quantum).collect();
+            let truth = (5e-6_f64.powi(2) + quantum.powi(2) / 12.0).sqrt();
+            for (worst, found) in worst.iter_mut().zip([of_series(&values), spread(&values, 0.0)]) {
+                *worst = worst.max((found / truth - 1.0).abs());
+            }
+        }
+        // The second is the control: the middle difference alone, as if there were no quantum.
+        assert!(worst[0] < 0.05 && worst[1] > 0.08, "{worst:?}");
     }
 
     #[test]

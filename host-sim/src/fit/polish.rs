@@ -98,9 +98,14 @@ pub fn foresee(rig: &Rig, ranges: &[Range], start: &[f64], records: &[Prepared])
     on_records(rig, ranges, records, LOOK_TOLERANCE, Foresee { start })
 }
 
+/// The misfit of some values.
+pub fn misfit(rig: &Rig, ranges: &[Range], values: &[f64], records: &[Prepared]) -> Misfit<f64> {
+    on_records(rig, ranges, records, FIT_TOLERANCE, There { values })
+}
+
 type Genes = [f64; MAX_FREE];
 
-fn genes_of(problem: &Problem<'_, f64>, values: &[f64]) -> Genes {
+pub(super) fn genes_of(problem: &Problem<'_, f64>, values: &[f64]) -> Genes {
     std::array::from_fn(|gene| {
         problem.free.get(gene).zip(values.get(gene)).map_or(0.0, |(free, &value)| free.gene(value))
     })
@@ -124,6 +129,18 @@ fn polished(
         misfit,
         covariance: (0..count).map(|row| (0..count).map(|column| entry(row, column)).collect()).collect(),
         evaluations,
+    }
+}
+
+struct There<'a> {
+    values: &'a [f64],
+}
+
+impl Job for There<'_> {
+    type Output = Misfit<f64>;
+
+    fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Misfit<f64> {
+        problem.misfit(&genes_of(problem, self.values), &mut steppers[0])
     }
 }
 

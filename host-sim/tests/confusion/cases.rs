@@ -1,14 +1,14 @@
 //! A case: an actuator with faults and effects, recorded by the plant, and what the diagnosis makes of it.
 
 use crate::common::{Rig as Truth, plant};
-use crate::floor;
+use crate::floor::{self, Shape};
 use eha_monitor::channel::Channel;
 use eha_monitor::effect::EffectInfo;
 use host_sim::diagnose::{self, Diagnosis, Verdict};
 use host_sim::fit::{self, FitSettings, Prepared};
 use host_sim::record::Record;
 use host_sim::rig::Rig;
-use reference_plant::{Command, Gauss, Plant, Tone, add_noise, quantise};
+use reference_plant::{Command, Gauss, Gust, Plant, Tone, add_noise, quantise};
 
 /// Sample period, s.
 const PERIOD: f64 = 1e-3;
@@ -28,42 +28,97 @@ pub(crate) static CHANNEL_SETS: [ChannelSet; 3] = [
     ChannelSet { name: "all", channels: &Channel::MEASURED },
 ];
 
-/// What is done to a plant.
-type Change = fn(&mut Plant);
+/// Something outside the catalogue.
+pub(crate) struct Outside {
+    pub(crate) name: &'static str,
+    /// How the plant gets it: so many times as strong, and changing so many times as fast in time or place.
+    change: fn(&mut Plant, strength: f64, pace: f64),
+}
 
-/// What is outside the catalogue, and how the plant gets it.
-pub(crate) const OUTSIDE: [(&str, Change); 7] = [
-    ("force of 800 N at 9 Hz", |plant| {
-        plant.effects.disturbance = Tone { amplitude: 800.0, frequency: 9.0, phase: 0.3 };
-    }),
-    ("force of 800 N at 2.2 Hz", |plant| {
-        plant.effects.disturbance = Tone { amplitude: 800.0, frequency: 2.2, phase: 0.3 };
-    }),
-    ("drift of the sensor of 10 um/s", |plant| plant.effects.sensor_drift = 1e-5),
-    ("load that grows by 300 N/s", |plant| plant.effects.ramp_load = 300.0),
-    ("hum of the sensor of 10 um at 50 Hz", |plant| {
-        plant.effects.sensor_hum = Tone { amplitude: 1e-5, frequency: 50.0, phase: 0.3 };
-    }),
-    ("load of 5e9 N/m3 times the cube of the position", |plant| plant.effects.hardening_spring = 5e9),
-    ("viscous friction that grows by 10 kN s/m for each s", |plant| plant.effects.viscosity_growth = 1e4),
+/// What is outside the catalogue, and has a row of its own in the table.
+pub(crate) static OUTSIDE: [Outside; 7] = [
+    Outside {
+        name: "force of 800 N at 9 Hz",
+        change: |plant, strength, pace| {
+            plant.effects.disturbance =
+                Tone { amplitude: 800.0 * strength, frequency: 9.0 * pace, phase: 0.3 };
+        },
+    },
+    Outside {
+        name: "force of 800 N at 2.2 Hz",
+        change: |plant, strength, pace| {
+            plant.effects.disturbance =
+                Tone { amplitude: 800.0 * strength, frequency: 2.2 * pace, phase: 0.3 };
+        },
+    },
+    Outside {
+        name: "drift of the sensor of 10 um/s",
+        change: |plant, strength, _| plant.effects.sensor_drift = 1e-5 * strength,
+    },
+    Outside {
+        name: "load that grows by 300 N/s",
+        change: |plant, strength, _| plant.effects.ramp_load = 300.0 * strength,
+    },
+    Outside {
+        name: "hum of the sensor of 10 um at 50 Hz",
+        change: |plant, strength, pace| {
+            plant.effects.sensor_hum =
+                Tone { amplitude: 1e-5 * strength, frequency: 50.0 * pace, phase: 0.3 };
+        },
+    },
+    Outside {
+        name: "load of 5e9 N/m3 times the cube of the position",
+        change: |plant, strength, _| plant.effects.hardening_spring = 5e9 * strength,
+    },
+    Outside {
+        name: "viscous friction that grows by 10 kN s/m for each s",
+        change: |plant, strength, _| plant.effects.viscosity_growth = 1e4 * strength,
+    },
 ];
+
+/// More of it, which only drawn cases have.
+pub(crate) static OUTSIDE_DRAWN: [Outside; 3] = [
+    Outside {
+        name: "dry friction that grows by 50 % for each s",
+        change: |plant, strength, _| plant.effects.friction_growth = 0.5 * strength,
+    },
+    Outside {
+        name: "gust of 600 N for 0.1 s",
+        change: |plant, strength, pace| {
+            plant.effects.gust = Gust { force: 600.0 * strength, start: 0.4 / pace, end: 0.4 / pace + 0.1 };
+        },
+    },
+    Outside {
+        name: "sensor error of 10 um that repeats every 2 mm",
+        change: |plant, strength, pace| {
+            (plant.effects.sensor_ripple, plant.effects.sensor_ripple_pitch) = (1e-5 * strength, 2e-3 / pace);
+        },
+    },
+];
+
+/// An effect of the catalogue in an actuator.
+pub(crate) struct Presence {
+    pub(crate) effect: &'static EffectInfo,
+    /// Its size, in its floors.
+    pub(crate) floors: f64,
+    pub(crate) shape: Shape,
+}
 
 /// An actuator and how it is recorded.
 pub(crate) struct Case {
-    /// Names of effects, or of one thing of [`OUTSIDE`]; empty: nothing.
-    what: Vec<&'static str>,
-    /// Size of the effects, in their floors.
-    size: f64,
-    set: &'static ChannelSet,
+    pub(crate) effects: Vec<Presence>,
+    /// Something outside the catalogue, how strong, and how fast.
+    pub(crate) outside: Option<(&'static Outside, [f64; 2])>,
+    pub(crate) set: &'static ChannelSet,
     /// Seed of the noise.
-    seed: u64,
-    bkl: f64,
-    fdj: f64,
+    pub(crate) seed: u64,
+    pub(crate) bkl: f64,
+    pub(crate) fdj: f64,
     /// Noise of each measured channel.
-    noise: [f64; Channel::MEASURED.len()],
-    quantum: f64,
-    train: [(Command, usize); 2],
-    held: (Command, usize),
+    pub(crate) noise: [f64; Channel::MEASURED.len()],
+    pub(crate) quantum: f64,
+    pub(crate) train: [(Command, usize); 2],
+    pub(crate) held: (Command, usize),
 }
 
 /// What the faults alone leave of noise-free records.
@@ -109,9 +164,10 @@ impl Case {
         let quantum = if unit(&mut random) > 0.7 { position } else { 0.0 };
         let commands = [Command::MixedStep, Command::Sine { amplitude: 3e-3, frequency: 2.5 }, Command::SINE];
         let held = commands[(unit(&mut random) * commands.len() as f64) as usize].clone();
+        let effects = what.split('+').filter_map(EffectInfo::named);
         Self {
-            what: what.split('+').filter(|name| !name.is_empty()).collect(),
-            size,
+            effects: effects.map(|effect| Presence { effect, floors: size, shape: Shape::USUAL }).collect(),
+            outside: OUTSIDE.iter().find(|outside| outside.name == what).map(|outside| (outside, [1.0; 2])),
             set,
             seed,
             bkl,
@@ -177,16 +233,22 @@ impl Case {
         Left { chi_square: fit.misfit.chi_square, count: fit.misfit.count, largest }
     }
 
-    fn plant(&self) -> Plant {
+    /// The actuator with its faults and the effects that are of the catalogue.
+    fn with_effects(&self) -> Truth {
         let mut truth = self.truth();
-        for effect in self.what.iter().filter_map(|name| EffectInfo::named(name)) {
-            for (parameter, value) in floor::values(effect, self.size * floor::of(effect, self)) {
+        for Presence { effect, floors, shape } in &self.effects {
+            let size = floors * floor::of(effect, shape, self);
+            for (parameter, value) in shape.values(effect, size) {
                 truth.parameters.set(parameter, value);
             }
         }
-        let mut plant = plant(&truth);
-        for (_, change) in OUTSIDE.iter().filter(|(name, _)| self.what.contains(name)) {
-            change(&mut plant);
+        truth
+    }
+
+    fn plant(&self, truth: &Truth) -> Plant {
+        let mut plant = plant(truth);
+        if let Some((outside, [strength, pace])) = self.outside {
+            (outside.change)(&mut plant, strength, pace);
         }
         plant
     }
@@ -211,44 +273,51 @@ impl Case {
     }
 
     /// Records the actuator and diagnoses it.
-    pub(crate) fn diagnose(&self) -> Diagnosis {
-        let plant = self.plant();
-        let records: Vec<Record> = (0..3).map(|index| self.record(&plant, index)).collect();
+    pub(crate) fn diagnosed(&self) -> Diagnosed {
+        let truth = self.with_effects();
+        let plant = self.plant(&truth);
         let rig = Rig::load("eha").unwrap();
-        let prepared: Vec<Prepared> = records.iter().map(|record| fit::prepare(&rig, record)).collect();
+        let records: Vec<Prepared> =
+            (0..3).map(|index| fit::prepare(&rig, &self.record(&plant, index))).collect();
         let known_noise = [None; Channel::MEASURED.len()];
-        let case = diagnose::Case { rig: &rig, records: &prepared, fitted: 2, known_noise };
-        diagnose::diagnose(&case, &FitSettings::default(), &|_, _| {})
+        let case = diagnose::Case { rig: &rig, records: &records, fitted: 2, known_noise };
+        let diagnosis = diagnose::diagnose(&case, &FitSettings::default(), &|_, _| {});
+        Diagnosed { diagnosis, truth, records }
     }
 
-    /// What the diagnosis says, judged by what is true.
-    pub(crate) fn outcome(&self) -> Outcome {
-        let diagnosis = self.diagnose();
+    /// What a diagnosis says, judged by what is true; `asked` says which of the effects it must name.
+    pub(crate) fn outcome(&self, diagnosis: &Diagnosis, asked: &[bool]) -> Outcome {
         let named: Vec<Vec<&str>> = diagnosis
             .found
             .iter()
             .filter(|found| found.named)
             .map(|found| found.class.iter().map(|effect| effect.name).collect())
             .collect();
-        let is_outside = self.what.iter().any(|name| EffectInfo::named(name).is_none());
+        let is_named = |presence: &Presence| named.iter().any(|class| class.contains(&presence.effect.name));
         if diagnosis.verdict == Verdict::Adequate {
             Outcome::Adequate
-        } else if is_outside {
-            let held_out = diagnosis.holdout.map_or(f64::INFINITY, |[_, after]| after.position_rms);
-            match (named.is_empty(), held_out < MODELLED * diagnosis.noise[0]) {
-                (true, _) => Outcome::Unexplained,
-                (false, true) => Outcome::Modelled,
-                (false, false) => Outcome::Wrong,
-            }
         } else if named.is_empty() {
             Outcome::Unexplained
+        } else if self.outside.is_some() {
+            let held_out = diagnosis.holdout.map_or(f64::INFINITY, |[_, after]| after.position_rms);
+            if held_out < MODELLED * diagnosis.noise[0] { Outcome::Modelled } else { Outcome::Wrong }
         } else {
-            let is_named = |name: &&str| named.iter().any(|class| class.contains(name));
-            match (self.what.iter().all(is_named), named.len() > self.what.len()) {
+            let mut missed =
+                self.effects.iter().zip(asked).filter(|(present, asked)| **asked && !is_named(present));
+            match (missed.next().is_none(), named.len() > self.effects.len()) {
                 (false, _) => Outcome::Wrong,
                 (true, true) => Outcome::Surplus,
                 (true, false) => Outcome::Named(named.iter().map(Vec::len).max().unwrap_or(0)),
             }
         }
     }
+}
+
+/// A case that was diagnosed.
+pub(crate) struct Diagnosed {
+    pub(crate) diagnosis: Diagnosis,
+    /// The actuator that was recorded, apart from what is outside the catalogue.
+    pub(crate) truth: Truth,
+    /// The records: two that were fitted, and one that was held out.
+    pub(crate) records: Vec<Prepared>,
 }

@@ -1,6 +1,6 @@
 //! The document: rows of outcomes, and how they add up.
 
-use crate::cases::{CHANNEL_SETS, Case, ChannelSet, OUTSIDE, Outcome};
+use crate::cases::{CHANNEL_SETS, Case, ChannelSet, OUTSIDE, Outcome, Outside};
 use eha_monitor::effect::{EFFECTS, Port};
 use rayon::prelude::*;
 use std::fmt::Write as _;
@@ -40,9 +40,10 @@ pub(crate) struct Section {
 
 impl Row {
     fn of(name: &str, set: &ChannelSet, cases: impl IntoIterator<Item = Case>) -> Self {
+        let outcome = |case: Case| case.outcome(&case.diagnosed().diagnosis, &vec![true; case.effects.len()]);
         Self {
             name: format!("{} | {}", name.replace('+', " and "), set.name),
-            outcomes: cases.into_iter().map(|case| case.outcome()).collect(),
+            outcomes: cases.into_iter().map(outcome).collect(),
         }
     }
 
@@ -74,7 +75,7 @@ pub(crate) fn documented_single(line: &str) -> Option<(&str, &'static str, &'sta
 }
 
 impl Outcome {
-    fn cell(&self) -> String {
+    pub(crate) fn cell(&self) -> String {
         match self {
             Self::Adequate => "adequate".to_owned(),
             Self::Named(1) => "named".to_owned(),
@@ -120,7 +121,9 @@ pub(crate) fn sections() -> Vec<Section> {
         Section {
             title: "Outside the catalogue",
             columns: &["what", "channels", "outcome"],
-            rows: rows(&OUTSIDE, |(name, _)| Row::of(name, USUAL, [Case::new(name, 1.0, USUAL, 0)])),
+            rows: rows(&OUTSIDE, |Outside { name, .. }| {
+                Row::of(name, USUAL, [Case::new(name, 1.0, USUAL, 0)])
+            }),
             is_right: |outcome| matches!(outcome, Outcome::Unexplained | Outcome::Modelled),
         },
     ]

@@ -12,7 +12,7 @@ mod record;
 mod simulate;
 
 pub use command::Command;
-pub use parameters::{Effects, Feedback, Mount, Parameters, Tone, Valve};
+pub use parameters::{Effects, Feedback, Gust, Mount, Parameters, Tone, Valve};
 pub use physics::{blended_pressure, play};
 pub use record::{Gauss, Record, add_noise, quantise, rms_difference};
 pub use simulate::{DEFAULT_STEP, SAMPLE_PERIOD};

@@ -212,6 +212,14 @@ pub struct Effects {
     pub hardening_spring: f64,
     /// Outside the catalogue: viscous friction that grows with time, as the oil cools (N s/m for each s).
     pub viscosity_growth: f64,
+    /// Outside the catalogue: dry friction, static and dynamic, that grows with time (relative, for each s).
+    pub friction_growth: f64,
+    /// Outside the catalogue: a load that comes and goes, as of a gust.
+    pub gust: Gust,
+    /// Outside the catalogue: an error of the sensor that repeats with the position, amplitude (m).
+    pub sensor_ripple: f64,
+    /// Pitch of `sensor_ripple` (m); must be set with it.
+    pub sensor_ripple_pitch: f64,
     /// `viscous-asymmetry`: viscous friction of retraction beyond that of extension (N s/m).
     pub retraction_viscosity: f64,
     /// `shear-thinning`: viscous friction at rest that shearing takes away (N s/m).
@@ -224,6 +232,17 @@ pub struct Effects {
     pub detent_pitch: f64,
     /// `cogging`: phase of the detent at zero (rad).
     pub detent_phase: f64,
+}
+
+/// A force between two times.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Gust {
+    /// Force (N), against positive motion.
+    pub force: f64,
+    /// When it begins (s).
+    pub start: f64,
+    /// When it ends (s).
+    pub end: f64,
 }
 
 /// A sinusoidal force or hum, `amplitude * sin(2*pi*frequency*t + phase)`.

@@ -124,9 +124,15 @@ pub(crate) struct Equations<'a> {
 }
 
 impl Equations<'_> {
-    /// Static friction of the jack against a force of this direction.
-    pub(crate) fn breakaway(&self, direction: f64) -> f64 {
-        self.p.jack_friction * self.p.jack_friction_ratio * (1.0 + self.e.friction_asymmetry * direction)
+    /// Static friction of the jack against a force of this direction, at a time.
+    pub(crate) fn breakaway(&self, t: f64, direction: f64) -> f64 {
+        self.dry(t, direction) * self.p.jack_friction_ratio
+    }
+
+    /// Dynamic friction of the jack in this direction, at a time.
+    fn dry(&self, t: f64, direction: f64) -> f64 {
+        let e = self.e;
+        self.p.jack_friction * (1.0 + e.friction_asymmetry * direction) * (1.0 + e.friction_growth * t)
     }
 
     /// Relative supply pressure.
@@ -140,20 +146,21 @@ impl Equations<'_> {
             + self.e.turbulent_metering * 2.0 * (self.p.return_pressure - self.p.vapour_pressure)
     }
 
-    fn jack_friction(&self, v: f64, direction: f64) -> f64 {
+    fn jack_friction(&self, t: f64, v: f64, direction: f64) -> f64 {
         let (p, e) = (self.p, self.e);
         let stribeck = match e.stribeck_velocity {
             0.0 => 0.0,
             vs => (p.jack_friction_ratio - 1.0) * (-v.abs() / vs).exp(),
         };
-        direction * p.jack_friction * (1.0 + stribeck) * (1.0 + e.friction_asymmetry * direction)
+        direction * self.dry(t, direction) * (1.0 + stribeck)
     }
 
     fn load(&self, t: f64, ram_over_ground: f64) -> f64 {
         let e = self.e;
         let step = if t >= e.step_load_time { e.step_load } else { 0.0 };
         let spring = self.p.load_stiffness * ram_over_ground + e.hardening_spring * ram_over_ground.powi(3);
-        e.constant_load + e.ramp_load * t + e.sine_load.at(t) + step + spring + e.disturbance.at(t)
+        let gust = if (e.gust.start..e.gust.end).contains(&t) { e.gust.force } else { 0.0 };
+        gust + e.constant_load + e.ramp_load * t + e.sine_load.at(t) + step + spring + e.disturbance.at(t)
     }
 
     /// Returns `P12` and its rate; the rate is zero for an incompressible fluid, where `P12` follows at once.
@@ -281,7 +288,7 @@ impl Equations<'_> {
         let acceleration = (drive - load) * ram_mobility + (drive + mount) * body_mobility;
         let jack_hold = acceleration / (ram_mobility + body_mobility);
         let sticks = before.jack_slide == 0.0;
-        let friction = if sticks { jack_hold } else { self.jack_friction(v, before.jack_slide) };
+        let friction = if sticks { jack_hold } else { self.jack_friction(t, v, before.jack_slide) };
         if !sticks {
             rate.ram = v;
             rate.ram_rate = (jack_hold - friction) * (ram_mobility + body_mobility);

@@ -56,7 +56,7 @@ pub fn rms_difference(a: &[f64], b: &[f64]) -> f64 {
     (a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f64>() / a.len() as f64).sqrt()
 }
 
-/// Seeded normal deviates: splitmix64 and the polar angle form of Box and Muller.
+/// Seeded deviates: splitmix64 and the polar angle form of Box and Muller.
 #[derive(Debug, Clone)]
 pub struct Gauss {
     state: u64,
@@ -75,7 +75,8 @@ impl Gauss {
         radius * (TAU * self.uniform()).cos()
     }
 
-    fn uniform(&mut self) -> f64 {
+    /// The next number from 0 to 1, 1 excluded.
+    pub fn uniform(&mut self) -> f64 {
         self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.state;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -1,5 +1,7 @@
 //! Time stepping: midpoint steps that are cut where dry friction or the flapper's stop sets in or lets go.
 
+use std::f64::consts::TAU;
+
 use crate::physics::{Contacts, Equations, Signals, State, sat};
 use crate::{Command, Plant, Record, Valve, sample_time};
 
@@ -58,6 +60,10 @@ impl Plant {
             + e.sensor_offset
             + e.sensor_drift * t
             + e.sensor_hum.at(t)
+            + match e.sensor_ripple {
+                0.0 => 0.0,
+                amplitude => amplitude * (TAU * x / e.sensor_ripple_pitch).sin(),
+            }
     }
 }
 
@@ -92,13 +98,13 @@ impl Runner<'_> {
             let t = start + (h - left);
             let (mut rate, mut now) = self.look(t, command_rate);
             for _ in 0..MOST_EVENTS {
-                if self.settle(&now) {
+                if self.settle(t, &now) {
                     (rate, now) = self.look(t, command_rate);
                 }
             }
-            let margins = self.margins(&now, &self.state);
+            let margins = self.margins(t, &now, &self.state);
             let (state, signals) = self.midpoint(t, left, &rate, command_rate);
-            let ends = self.margins(&signals, &state);
+            let ends = self.margins(t + left, &signals, &state);
             // Where each margin crosses zero, as a part of what is left; 1 where it does not.
             let part = |i: usize| {
                 let from = margins[i].max(0.0);
@@ -140,8 +146,8 @@ impl Runner<'_> {
         s
     }
 
-    /// How far flapper, spool and jack are from a change of contact; negative beyond it.
-    fn margins(&self, signals: &Signals, state: &State) -> [f64; 3] {
+    /// How far flapper, spool and jack are from a change of contact at a time; negative beyond it.
+    fn margins(&self, t: f64, signals: &Signals, state: &State) -> [f64; 3] {
         let (p, contacts) = (self.equations.p, &self.contacts);
         let flapper = match (p.valve, contacts.flapper_stop) {
             (Valve::SecondOrderFlapper, 0.0) => p.flapper_stop - state.flapper.abs(),
@@ -154,15 +160,15 @@ impl Runner<'_> {
         };
         let jack = match contacts.jack_slide {
             0.0 if state.ram * signals.jack_hold.signum() >= p.jack_stop => 1.0,
-            0.0 => self.equations.breakaway(signals.jack_hold.signum()) - signals.jack_hold.abs(),
+            0.0 => self.equations.breakaway(t, signals.jack_hold.signum()) - signals.jack_hold.abs(),
             slide => slide * state.ram_rate,
         };
         [flapper, spool, jack]
     }
 
     /// Makes the changes that are due at once, as after a jump of the command; whether there are any.
-    fn settle(&mut self, signals: &Signals) -> bool {
-        let due = self.margins(signals, &self.state).map(|margin| margin < 0.0);
+    fn settle(&mut self, t: f64, signals: &Signals) -> bool {
+        let due = self.margins(t, signals, &self.state).map(|margin| margin < 0.0);
         self.switch(due, signals);
         due.contains(&true)
     }

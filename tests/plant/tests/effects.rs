@@ -1,13 +1,14 @@
 //! Every effect acts, and those with a simple consequence have it.
 
 use reference_plant::{
-    Command, Effects, Feedback, Gauss, Mount, Parameters, Plant, Tone, add_noise, quantise, rms_difference,
+    Command, Effects, Feedback, Gauss, Gust, Mount, Parameters, Plant, Tone, add_noise, quantise,
+    rms_difference,
 };
 
 #[test]
 fn every_effect_changes_the_record() {
     type Change = fn(&mut Parameters, &mut Effects);
-    let changes: [(&str, Change); 36] = [
+    let changes: [(&str, Change); 41] = [
         ("valve-offset", |p, _| p.valve_offset = 0.1),
         ("torque-motor-hysteresis", |p, _| p.motor_hysteresis = 0.1),
         ("torque-motor-gain", |p, _| p.motor_gain *= 0.9),
@@ -42,6 +43,11 @@ fn every_effect_changes_the_record() {
         ("sensor-cubic", |_, e| e.sensor_cubic = 100.0),
         ("disturbance", |_, e| e.disturbance = Tone { amplitude: 200.0, frequency: 17.0, phase: 0.0 }),
         ("drift", |_, e| e.sensor_drift = 1e-4),
+        ("hardening spring", |_, e| e.hardening_spring = 1e11),
+        ("growing viscous friction", |_, e| e.viscosity_growth = 1e5),
+        ("growing dry friction", |_, e| e.friction_growth = 2.0),
+        ("gust", |_, e| e.gust = Gust { force: 500.0, start: 0.1, end: 0.12 }),
+        ("sensor ripple", |_, e| (e.sensor_ripple, e.sensor_ripple_pitch) = (1e-5, 1e-3)),
         ("cogging", |_, e| (e.detent_force, e.detent_pitch) = (200.0, 1e-3)),
         ("ramp and sine load", |_, e| {
             e.ramp_load = 1000.0;
@@ -79,6 +85,17 @@ fn sensor_effects_act_on_a_ramp_as_expected() {
     close(run(Effects { sensor_cubic: 50.0, ..Effects::default() }), 50.0 * x.powi(3));
     close(run(Effects { sensor_offset: 1e-5, ..Effects::default() }), 1e-5);
     close(run(Effects { sensor_drift: 1e-4, ..Effects::default() }), 1e-4 * 0.199);
+    let ripple = Effects { sensor_ripple: 1e-5, sensor_ripple_pitch: 4.0 * x, ..Effects::default() };
+    close(run(ripple), 1e-5);
+}
+
+#[test]
+fn a_gust_comes_and_goes() {
+    let gust = Gust { force: 500.0, start: 0.1, end: 0.12 };
+    let effects = Effects { gust, ..Effects::default() };
+    let record = Plant { effects, ..Plant::default() }.record(&Command::RAMP, 200);
+    let blown: Vec<usize> = (0..200).filter(|&sample| record.load[sample] != 0.0).collect();
+    assert_eq!(blown, (100..120).collect::<Vec<_>>());
 }
 
 #[test]
