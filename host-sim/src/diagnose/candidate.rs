@@ -77,11 +77,10 @@ impl Prospect {
             Some((found.misfit.chi_square, ranges, [&found.values, &values[before..]].concat()))
         });
         let best = followed.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, ranges, values)| (ranges, values));
-        let elsewhere = others.iter().flat_map(|before| {
-            self.places.iter().map(|Place { ranges, values }| {
-                let effect = values.iter().skip(before.len());
-                (ranges, before.iter().chain(effect).copied().collect())
-            })
+        let elsewhere = others.iter().flat_map(|first| {
+            self.places
+                .iter()
+                .map(move |Place { ranges, values }| (ranges, [&first[..], &values[before..]].concat()))
         });
         let starts =
             std::iter::once((&self.ranges, self.foreseen.values.clone())).chain(best).chain(elsewhere);

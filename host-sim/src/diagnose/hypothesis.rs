@@ -76,18 +76,18 @@ impl Hypothesis {
         mut train: Polished,
         added: Vec<&'static EffectInfo>,
     ) -> Self {
-        let joint = if case.holdout().is_empty() {
-            train.clone()
-        } else {
-            let all = candidate::fitted(&rig, ranges.clone(), &train.values, case.records);
-            all.map_or_else(|| train.clone(), |(_, fit)| fit)
-        };
-        let there = fit::misfit(&rig, &ranges, &joint.values, case.train());
-        if there.chi_square < train.misfit.chi_square - BETTER_VALLEY
-            && let Some(better) = fit::polish(&rig, &ranges, &joint.values, case.train())
+        let mut joint = train.clone();
+        if !case.holdout().is_empty()
+            && let Some((_, all)) = candidate::fitted(&rig, ranges.clone(), &train.values, case.records)
         {
-            rig = better.applied(&rig, &ranges);
-            train = better;
+            joint = all;
+            let there = fit::misfit(&rig, &ranges, &joint.values, case.train());
+            if there.chi_square < train.misfit.chi_square - BETTER_VALLEY
+                && let Some(better) = fit::polish(&rig, &ranges, &joint.values, case.train())
+            {
+                rig = better.applied(&rig, &ranges);
+                train = better;
+            }
         }
         let predictions = fit::predict(&joint.applied(&rig, &ranges), case.records);
         Self { rig, ranges, train, joint, predictions, added }
@@ -286,10 +286,11 @@ impl Hypothesis {
 
     /// The same model where the fits of more effects show a better valley of its own.
     fn moved(&self, case: &Case<'_>, candidates: &[Candidate]) -> Option<Self> {
-        let shown = candidates.iter().map(|candidate| &candidate.fit.values[..self.ranges.len()]);
-        let chi_square =
-            |values: &&[f64]| fit::misfit(&self.rig, &self.ranges, values, case.train()).chi_square;
-        let values = shown.min_by(|a, b| chi_square(a).total_cmp(&chi_square(b)))?;
+        let shown = candidates.iter().map(|candidate| {
+            let values = &candidate.fit.values[..self.ranges.len()];
+            (values, fit::misfit(&self.rig, &self.ranges, values, case.train()).chi_square)
+        });
+        let (values, _) = shown.min_by(|(_, a), (_, b)| a.total_cmp(b))?;
         let train = fit::polish(&self.rig, &self.ranges, values, case.train())?;
         let is_better = train.misfit.chi_square < self.train.misfit.chi_square - BETTER_VALLEY;
         let rig = train.applied(&self.rig, &self.ranges);

@@ -172,10 +172,9 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f
     watch("looking for what is mixed up with a fault", 0.95);
     let whole = if in_excerpts { sound.best.refitted(case) } else { sound.best.clone() };
     let named = whole.is_name(case, &before.misfit);
-    let none = || vec![Vec::new(); sound.earned.len()];
     let open = Open {
         named,
-        stand_ins: if named { sound.stand_ins } else { none() },
+        stand_ins: if named { sound.stand_ins } else { vec![Vec::new(); sound.earned.len()] },
         confounded: sound.best.confounded(&searched),
     };
     conclude(case, before, whole, &sound.earned, &open)
@@ -256,7 +255,8 @@ fn inflation(records: &[Prepared], predictions: &[Vec<Outputs<f64>>], misfit: &M
     misfit.mean_square().max(1.0) * residual::correlation_time(records, predictions)
 }
 
-fn score(rig: &Rig, records: &[Prepared]) -> Score {
+/// Misfit of a model on records.
+pub fn score(rig: &Rig, records: &[Prepared]) -> Score {
     let series = residual::series(records, &fit::predict(rig, records), 0).concat();
     let squares: Vec<f64> = series.iter().filter(|x| x.is_finite()).map(|x| x * x).collect();
     Score { position_rms: (squares.iter().sum::<f64>() / squares.len() as f64).sqrt() }

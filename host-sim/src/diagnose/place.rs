@@ -48,11 +48,9 @@ impl Place {
     }
 }
 
-/// A range around the value that a rig has, within what is possible.
+/// A range around the value that a rig has.
 fn around(rig: &Rig, parameter: Parameter, half_width: f64) -> Range {
-    let (info, here) = (parameter.info(), rig.parameters.get(parameter));
-    let (lower, upper) = ((here - half_width).max(info.lower), (here + half_width).min(info.upper));
-    Range { parameter, lower, upper }
+    Range::around(parameter, rig.parameters.get(parameter), half_width)
 }
 
 /// Where an effect of a rig is looked for in records.

@@ -40,6 +40,13 @@ impl Range {
         Ok(Self { parameter, lower, upper })
     }
 
+    /// What lies within a distance of a value and makes sense.
+    pub fn around(parameter: Parameter, value: f64, half_width: f64) -> Self {
+        let info = parameter.info();
+        let (lower, upper) = ((value - half_width).max(info.lower), (value + half_width).min(info.upper));
+        Self { parameter, lower, upper }
+    }
+
     /// Is a value that a search gave at the lower, at the upper edge, but for rounding?
     pub fn at_edge(&self, value: f64) -> [bool; 2] {
         let rounding = 1e-9 * (self.upper - self.lower);

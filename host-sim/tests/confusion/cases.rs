@@ -35,21 +35,19 @@ pub(crate) struct Outside {
     change: fn(&mut Plant, strength: f64, pace: f64),
 }
 
+fn tone(amplitude: f64, frequency: f64) -> Tone {
+    Tone { amplitude, frequency, phase: 0.3 }
+}
+
 /// What is outside the catalogue, and has a row of its own in the table.
 pub(crate) static OUTSIDE: [Outside; 7] = [
     Outside {
         name: "force of 800 N at 9 Hz",
-        change: |plant, strength, pace| {
-            plant.effects.disturbance =
-                Tone { amplitude: 800.0 * strength, frequency: 9.0 * pace, phase: 0.3 };
-        },
+        change: |plant, strength, pace| plant.effects.disturbance = tone(800.0 * strength, 9.0 * pace),
     },
     Outside {
         name: "force of 800 N at 2.2 Hz",
-        change: |plant, strength, pace| {
-            plant.effects.disturbance =
-                Tone { amplitude: 800.0 * strength, frequency: 2.2 * pace, phase: 0.3 };
-        },
+        change: |plant, strength, pace| plant.effects.disturbance = tone(800.0 * strength, 2.2 * pace),
     },
     Outside {
         name: "drift of the sensor of 10 um/s",
@@ -61,10 +59,7 @@ pub(crate) static OUTSIDE: [Outside; 7] = [
     },
     Outside {
         name: "hum of the sensor of 10 um at 50 Hz",
-        change: |plant, strength, pace| {
-            plant.effects.sensor_hum =
-                Tone { amplitude: 1e-5 * strength, frequency: 50.0 * pace, phase: 0.3 };
-        },
+        change: |plant, strength, pace| plant.effects.sensor_hum = tone(1e-5 * strength, 50.0 * pace),
     },
     Outside {
         name: "load of 5e9 N/m3 times the cube of the position",
@@ -144,6 +139,13 @@ pub(crate) enum Outcome {
     Unexplained,
     /// Terms bring the held-out record close to its noise.
     Modelled,
+}
+
+impl Outcome {
+    /// Is something outside the catalogue called what it is, or modelled?
+    pub(crate) fn is_right_of_outside(&self) -> bool {
+        matches!(self, Self::Unexplained | Self::Modelled)
+    }
 }
 
 /// A number between 0 and 1: a logistic curve is near enough to make a spread of cases of a normal deviate.
@@ -280,7 +282,7 @@ impl Case {
         let records: Vec<Prepared> =
             (0..3).map(|index| fit::prepare(&rig, &self.record(&plant, index))).collect();
         let known_noise = [None; Channel::MEASURED.len()];
-        let case = diagnose::Case { rig: &rig, records: &records, fitted: 2, known_noise };
+        let case = diagnose::Case { rig: &rig, records: &records, fitted: self.train.len(), known_noise };
         let diagnosis = diagnose::diagnose(&case, &FitSettings::default(), &|_, _| {});
         Diagnosed { diagnosis, truth, records }
     }

@@ -124,7 +124,7 @@ pub(crate) fn sections() -> Vec<Section> {
             rows: rows(&OUTSIDE, |Outside { name, .. }| {
                 Row::of(name, USUAL, [Case::new(name, 1.0, USUAL, 0)])
             }),
-            is_right: |outcome| matches!(outcome, Outcome::Unexplained | Outcome::Modelled),
+            is_right: Outcome::is_right_of_outside,
         },
     ]
 }
