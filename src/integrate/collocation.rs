@@ -97,9 +97,9 @@ impl<T: Real, const N: usize> ladder::Ladder<T, N, RUNGS> for Ladder<T, N> {
     };
 
     fn make(&mut self, model: &Model<T>, mode: &Mode, finest: T) {
-        let rest = State::default();
+        let (rest, layout) = (State::default(), model.layout());
         let column = |curved: Curved<T>| {
-            model.rate_with(mode, &rest, &Input::default(), T::ZERO, &curved).leading::<N>()
+            model.rate_with(mode, &rest, &Input::default(), T::ZERO, &curved).leading::<N>(&layout)
         };
         let columns = [
             column(Curved { force: T::ONE, ..Curved::default() }),
@@ -166,31 +166,32 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Collocation<T, 
     ) -> Step<T> {
         let Some(ladder) = self.cache.ladder() else { return Step::exact(*state) };
         let Some(answers) = ladder.answers.get(level) else { return Step::exact(*state) };
-        let force = self.cache.force(force_rate);
-        let affine =
-            |rung: usize| ladder.rungs[rung].change(&self.cache.terms[rung], state, input, force.as_ref());
+        let (force, layout) = (self.cache.force(force_rate), &self.cache.layout);
+        let affine = |rung: usize| {
+            ladder.rungs[rung].change(&self.cache.terms[rung], layout, state, input, force.as_ref())
+        };
         let (middle, end) = (affine(level), affine(level + 1));
         let start = model.curved(mode, state);
         let mut force = Nodes::constant(start.force);
         let mut pressure = Nodes::constant(start.pressure_rate);
         let mut moved = T::ZERO;
-        let has_pressure = N > PRESSURE;
+        let pressure_index = layout.index(PRESSURE);
         let allowed = self.tolerance * T::literal(CONVERGED);
         for _ in 0..ITERATIONS {
             let (mut there, mut then) = (middle, end);
             answers.force.middle.add(&mut there, force.values);
             answers.force.end.add(&mut then, force.values);
-            if has_pressure {
+            if pressure_index.is_some() {
                 answers.pressure_rate.middle.add(&mut there, pressure.values);
                 answers.pressure_rate.end.add(&mut then, pressure.values);
             }
-            let there = model.curved(mode, &state.changed(&there));
-            let then = model.curved(mode, &state.changed(&then));
+            let there = model.curved(mode, &state.moved(&there, layout));
+            let then = model.curved(mode, &state.moved(&then, layout));
             moved = force.improve(&answers.force, RAM_VELOCITY, [there.force, then.force]);
-            if has_pressure {
+            if let Some(index) = pressure_index {
                 moved += pressure.improve(
                     &answers.pressure_rate,
-                    PRESSURE,
+                    index,
                     [there.pressure_rate, then.pressure_rate],
                 );
             }
@@ -201,11 +202,11 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Collocation<T, 
         let mut change = end;
         answers.force.end.add(&mut change, force.values);
         let mut error = force.bend(&answers.force) + moved;
-        if has_pressure {
+        if pressure_index.is_some() {
             answers.pressure_rate.end.add(&mut change, pressure.values);
             error += pressure.bend(&answers.pressure_rate);
         }
-        Step { state: state.changed(&change), error: error / self.tolerance }
+        Step { state: state.moved(&change, layout), error: error / self.tolerance }
     }
 }
 

@@ -42,7 +42,7 @@ impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Exact<T, 
         let (Some(rung), Some(terms)) = (rung, self.cache.terms.get(level)) else {
             return [T::ZERO; N];
         };
-        rung.change(terms, state, input, self.cache.force(force_rate).as_ref())
+        rung.change(terms, &self.cache.layout, state, input, self.cache.force(force_rate).as_ref())
     }
 }
 
@@ -102,13 +102,15 @@ impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Stepper<T
         if self.cache.units != Self::FINEST_PER_COARSEST || run.stride != Self::FINEST_PER_COARSEST {
             return 0;
         }
+        let layout = &self.cache.layout;
         let (mut state, mut swing, mut has_margin) = (run.state, run.swing, run.has_margin);
         let mut here = corridor.watched(&state, &Input { command, ..Input::default() });
         let mut done = 0;
         while let Some(next) = commands(done) {
             let command_rate = (next - command) * self.cache.sample_rate;
             // A mode with a corridor has no spring load.
-            let there = state.changed(&rung.change_anywhere(terms, &state, here[ERROR], command_rate));
+            let there =
+                state.moved(&rung.change_anywhere(terms, layout, &state, here[ERROR], command_rate), layout);
             let input = Input { command: next, command_rate, force: T::ZERO };
             let after = corridor.watched(&there, &input);
             let change: Watched<T> = core::array::from_fn(|index| after[index] - here[index]);
@@ -148,7 +150,7 @@ impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Stepper<T
         force_rate: T,
         level: usize,
     ) -> Step<T> {
-        Step::exact(state.changed(&self.product(state, input, force_rate, level)))
+        Step::exact(state.moved(&self.product(state, input, force_rate, level), &self.cache.layout))
     }
 }
 

@@ -89,6 +89,10 @@ impl<T: Real> Guards<T> {
 
     /// The guard that is crossed first, and the fraction of the step at which it is, by linear interpolation.
     pub(super) fn first_crossing(&self, after: &Self) -> Option<(usize, T)> {
+        let is_positive = |&value: &T| value >= T::ZERO;
+        if after.plain.iter().all(is_positive) && after.extra.iter().all(is_positive) {
+            return None;
+        }
         let before = self.plain.iter().chain(&self.extra);
         let mut first: Option<(usize, T)> = None;
         for (index, (&before, &after)) in before.zip(after.plain.iter().chain(&after.extra)).enumerate() {

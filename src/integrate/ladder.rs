@@ -12,7 +12,7 @@
 
 use super::Run;
 use crate::model::Model;
-use crate::model::state::{FULL_ORDER, Input, Mode, RAM, State};
+use crate::model::state::{FULL_ORDER, Input, Layout, Mode, RAM, State};
 use crate::scalar::Real;
 
 /// Terms of the series for the shortest step.
@@ -66,12 +66,13 @@ impl<T: Real, const N: usize> Rung<T, N> {
     pub(super) fn change(
         &self,
         terms: &Terms<T, N>,
+        layout: &Layout,
         state: &State<T>,
         input: &Input<T>,
         force: Option<&Force<T, N>>,
     ) -> [T; N] {
         let error = (input.command - state.ram) - state.ram_rest;
-        let mut change = self.change_anywhere(terms, state, error, input.command_rate);
+        let mut change = self.change_anywhere(terms, layout, state, error, input.command_rate);
         let place = &self.transition[RAM];
         for row in 0..N {
             change[row] += place[row] * state.ram;
@@ -91,6 +92,7 @@ impl<T: Real, const N: usize> Rung<T, N> {
     pub(super) fn change_anywhere(
         &self,
         terms: &Terms<T, N>,
+        layout: &Layout,
         state: &State<T>,
         error: T,
         command_rate: T,
@@ -100,7 +102,7 @@ impl<T: Real, const N: usize> Rung<T, N> {
             change[row] += terms.error[row] * error;
             change[row] += self.command_rate[row] * command_rate;
         }
-        for (index, (column, value)) in self.transition.iter().zip(state.leading::<N>()).enumerate() {
+        for (index, (column, value)) in self.transition.iter().zip(state.leading::<N>(layout)).enumerate() {
             if index != RAM {
                 for row in 0..N {
                     change[row] += column[row] * value;
@@ -141,6 +143,8 @@ pub(super) struct Cache<T, L, const N: usize, const RUNGS: usize, const SLOTS: u
     slot: usize,
     /// Number of the mode in use.
     mode: Option<u32>,
+    /// Order of the states of the model in use.
+    pub(super) layout: Layout,
     /// Is a force from outside ever not zero?
     pub(super) has_force: bool,
     /// What it adds to the rates of the state, for each N.
@@ -163,6 +167,7 @@ impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const 
             next: 0,
             slot: 0,
             mode: None,
+            layout: Layout::NONE,
             has_force: false,
             force: [T::ZERO; N],
             terms: [Terms { constant: [T::ZERO; N], error: [T::ZERO; N] }; RUNGS],
@@ -187,11 +192,15 @@ impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const 
             self.finest = sample_period / T::from_count(self.units);
             self.sample_period = sample_period;
             self.sample_rate = T::ONE / sample_period;
-            for (key, _) in &mut self.slots {
-                *key = None;
-            }
+            self.forget();
         }
         self.mode = None;
+    }
+
+    fn forget(&mut self) {
+        for (key, _) in &mut self.slots {
+            *key = None;
+        }
     }
 
     /// Enters the mode of a run; true if it is another one than before.
@@ -224,6 +233,12 @@ impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const 
     /// Finds or makes the ladder of a mode, and the constant terms of the mode on it.
     #[cold]
     fn prepare(&mut self, model: &Model<T>, mode: &Mode) {
+        // What moves may differ between candidates: where a range begins at the absence of an effect.
+        let layout = model.layout();
+        if self.layout != layout {
+            self.layout = layout;
+            self.forget();
+        }
         let key = mode.key(model.has_directed_matrices());
         if !self.holds(self.slot, key) {
             self.slot = (0..SLOTS).find(|&slot| self.holds(slot, key)).unwrap_or_else(|| {
@@ -243,8 +258,8 @@ impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const 
     /// the mode's matrices are made.
     #[inline(never)]
     fn lay_terms(&mut self, model: &Model<T>, mode: &Mode) {
-        let none = State::default();
-        let rate = |input: Input<T>, one| model.affine_rate(mode, &none, &input, one).leading::<N>();
+        let (none, layout) = (State::default(), self.layout);
+        let rate = |input: Input<T>, one| model.affine_rate(mode, &none, &input, one).leading::<N>(&layout);
         let constant = rate(Input::default(), T::ONE);
         let error = rate(Input { command: T::ONE, ..Input::default() }, T::ZERO);
         if self.has_force {
@@ -394,14 +409,17 @@ struct System<T, const N: usize> {
 impl<T: Real, const N: usize> System<T, N> {
     #[inline(never)]
     fn of(model: &Model<T>, mode: &Mode) -> Self {
+        let layout = model.layout();
         let rate = |state: &State<T>, input: Input<T>| {
-            model.affine_rate(mode, state, &input, T::ZERO).leading::<N>()
+            model.affine_rate(mode, state, &input, T::ZERO).leading::<N>(&layout)
         };
         let none = Input::default();
         let mut a = [[T::ZERO; N]; N];
         for (index, column) in a.iter_mut().enumerate() {
             let mut unit = [T::ZERO; FULL_ORDER];
-            unit[index] = T::ONE;
+            if let Some(entry) = unit.get_mut(layout.place(index)) {
+                *entry = T::ONE;
+            }
             *column = rate(&State::from_array(unit), none);
         }
         let rest = State::default();

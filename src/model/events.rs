@@ -241,14 +241,22 @@ impl<T: Real> Model<T> {
                 let current = self.controller.current(mode.current, self.demand(mode, z, input), T::ONE);
                 (self.pilot.hysteresis - (current - z.held_current).magnitude()) / self.pilot.hysteresis
             } else {
-                side::<T>(mode.hysteresis) * self.rate(mode, z, input).held_current
+                // The acceleration takes all equations, and most controllers do not see it.
+                let acceleration = if self.controller.sees_position_only() {
+                    T::ZERO
+                } else {
+                    let rate = self.rate(mode, z, input);
+                    rate.ram_velocity + rate.base_velocity
+                };
+                side::<T>(mode.hysteresis) * self.held_current_rate(mode, z, input, acceleration)
             };
         }
         if self.pilot.feedback_play != T::ZERO {
             guards[FEEDBACK_PLAY - LOOP_GUARDS] = if mode.feedback_play == 0 {
                 (self.pilot.feedback_play - (z.spool - z.sensed_spool).magnitude()) / self.pilot.feedback_play
             } else {
-                side::<T>(mode.feedback_play) * self.rate(mode, z, input).spool
+                let (flapper, force, _) = self.flapper_now(mode, z, input);
+                side::<T>(mode.feedback_play) * self.spool_velocity(mode, z, force, flapper, T::ONE)
             };
         }
         if self.jack.is_mounted() {

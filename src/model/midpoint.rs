@@ -159,10 +159,9 @@ impl<T: Real> Model<T> {
         if !self.controller.is_proportional() && mode.integral == 0 {
             point.integral_rate = input.command - self.fed_back(z);
         }
-        if self.pilot.hysteresis != T::ZERO && mode.hysteresis != 0 && mode.current == 0 {
+        if self.pilot.hysteresis != T::ZERO {
             // The acceleration is left out: with a rate gain the play is then first order only.
-            let velocity = self.fed_back_rate(mode, z.ground_velocity());
-            point.held_current_rate = self.controller.demand_rate(input, self.fed_back(z), velocity, T::ZERO);
+            point.held_current_rate = self.held_current_rate(mode, z, input, T::ZERO);
         }
         point
     }

@@ -33,7 +33,7 @@ pub use events::{EXTRA_GUARDS, LOOP_GUARDS};
 use fluid::Fluid;
 use jack::Jack;
 use play::in_contact;
-use state::{BASE_ORDER, FULL_ORDER, Input, Mode, State, side};
+use state::{BASE_ORDER, Input, Layout, Mode, State, side};
 use valve::{PilotStage, Spool};
 
 /// The servo valve's level of detail.
@@ -93,6 +93,8 @@ pub struct Model<T> {
     guards_see_command_rate: bool,
     /// The plain loop: the ram fed back in proportion, linear incompressible fluid, a spool whose opening is its position.
     is_plain: bool,
+    /// Entries of the state behind the base model that move: a bit for each.
+    moving: u8,
     scales: Scales<T>,
     /// Controller.
     pub controller: Controller<T>,
@@ -118,6 +120,7 @@ impl<T: Real> Model<T> {
             has_extra_guards: false,
             guards_see_command_rate: pilot.hysteresis != T::ZERO || controller.sees_rates(),
             is_plain: false,
+            moving: 0,
             scales: Scales::of(form, &controller, &pilot, &spool, &fluid),
             controller,
             pilot,
@@ -125,13 +128,25 @@ impl<T: Real> Model<T> {
             fluid,
             jack: Jack::new(parameters),
         };
+        let is_mounted = model.jack.is_mounted();
+        let moves = [
+            !model.controller.is_proportional(),
+            model.pilot.hysteresis != T::ZERO,
+            model.pilot.feedback_play != T::ZERO,
+            form.feedback == Feedback::User,
+            model.fluid.is_compressible(),
+            parameters.supply_sag != T::ZERO,
+            is_mounted,
+            is_mounted,
+        ];
+        model.moving = moves.into_iter().rev().fold(0, |moving, moves| moving << 1 | u8::from(moves));
         model.is_plain = model.order() == BASE_ORDER
             && form.drive == Drive::Valve
             && model.controller.sees_position_only()
             && model.fluid.is_linear()
             && !model.spool.has_sides();
         model.has_extra_guards =
-            model.order() == FULL_ORDER || model.spool.has_sides() || model.jack.has_step_load();
+            model.order() > BASE_ORDER || model.spool.has_sides() || model.jack.has_step_load();
         model
     }
 
@@ -159,16 +174,14 @@ impl<T: Real> Model<T> {
         self.parameters.supply_sag != T::ZERO || self.spool.asymmetry != T::ZERO || self.jack.has_sides()
     }
 
-    /// Number of leading entries of the state that this model moves.
-    pub fn order(&self) -> usize {
-        let base = self.controller.is_proportional()
-            && self.pilot.hysteresis == T::ZERO
-            && self.pilot.feedback_play == T::ZERO
-            && self.form.feedback == Feedback::Ram
-            && !self.fluid.is_compressible()
-            && self.parameters.supply_sag == T::ZERO
-            && !self.jack.is_mounted();
-        if base { BASE_ORDER } else { FULL_ORDER }
+    /// Number of entries of the state that this model moves.
+    pub const fn order(&self) -> usize {
+        BASE_ORDER + self.moving.count_ones() as usize
+    }
+
+    /// How an integrator carries the state of this model.
+    pub fn layout(&self) -> Layout {
+        Layout::of(self.moving)
     }
 
     /// Has the model guards beyond those of the plain loop (plays, overlap, integral limit, step load, mount)?
@@ -241,6 +254,17 @@ impl<T: Real> Model<T> {
         } else {
             in_contact(current, side(mode.hysteresis), self.pilot.hysteresis * one)
         }
+    }
+
+    /// Its rate, mA/s, at an acceleration of the ram over ground, m/s2.
+    #[inline(always)]
+    fn held_current_rate(&self, mode: &Mode, z: &State<T>, input: &Input<T>, acceleration: T) -> T {
+        if mode.hysteresis == 0 || mode.current != 0 {
+            return T::ZERO;
+        }
+        let velocity = self.fed_back_rate(mode, z.ground_velocity());
+        let acceleration = self.fed_back_rate(mode, acceleration);
+        self.controller.demand_rate(input, self.fed_back(z), velocity, acceleration)
     }
 
     /// Spool position that the feedback spring feels, m.
@@ -365,11 +389,7 @@ impl<T: Real> Model<T> {
         if mode.integral == 0 {
             rate.integral = input.command - self.fed_back(z);
         }
-        if mode.hysteresis != 0 && mode.current == 0 {
-            let seen_acceleration = self.fed_back_rate(mode, acceleration + rate.base_velocity);
-            rate.held_current =
-                self.controller.demand_rate(input, self.fed_back(z), seen_velocity, seen_acceleration);
-        }
+        rate.held_current = self.held_current_rate(mode, z, input, acceleration + rate.base_velocity);
         if mode.feedback_play != 0 {
             rate.sensed_spool = rate.spool;
         }

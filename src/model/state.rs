@@ -51,6 +51,57 @@ pub const RAM_VELOCITY: usize = 4;
 pub const PRESSURE: usize = 9;
 /// Number of states with every effect.
 pub const FULL_ORDER: usize = 13;
+/// Number of states that only an effect moves.
+const EXTRAS: usize = FULL_ORDER - BASE_ORDER;
+
+/// The order in which an integrator carries the entries of a state: the base model, then those that effects move. So it
+/// carries no more of them than move.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// Places in the state of what follows the base model; behind that, places that no state has.
+    extras: [u8; EXTRAS],
+    /// Number of entries that move.
+    order: u8,
+}
+
+impl Layout {
+    /// No layout yet: all zeros.
+    pub const NONE: Self = Self { extras: [0; EXTRAS], order: 0 };
+    /// Every entry, as the state has them.
+    pub const NATURAL: Self = Self { extras: [5, 6, 7, 8, 9, 10, 11, 12], order: FULL_ORDER as u8 };
+
+    /// The layout of a model that moves some of the entries behind the base model: a bit for each, the first the lowest.
+    #[inline(never)]
+    pub fn of(moving: u8) -> Self {
+        let mut layout = Self {
+            extras: [FULL_ORDER as u8; EXTRAS],
+            order: (BASE_ORDER as u32 + moving.count_ones()) as u8,
+        };
+        let places = Self::NATURAL.extras.into_iter().enumerate().filter(|(bit, _)| moving >> bit & 1 != 0);
+        for (extra, (_, place)) in layout.extras.iter_mut().zip(places) {
+            *extra = place;
+        }
+        layout
+    }
+
+    /// Number of entries that move.
+    #[inline(always)]
+    pub const fn order(&self) -> usize {
+        self.order as usize
+    }
+
+    /// Place in the state of what an integrator carries at an index; `FULL_ORDER` where that is nothing.
+    #[inline(always)]
+    pub fn place(&self, index: usize) -> usize {
+        let extra = index.checked_sub(BASE_ORDER).and_then(|extra| self.extras.get(extra));
+        extra.map_or(index, |&place| place.into())
+    }
+
+    /// Index at which an integrator carries a place of the state behind the base model; none where it does not move.
+    pub fn index(&self, place: usize) -> Option<usize> {
+        self.extras.iter().position(|&there| usize::from(there) == place).map(|extra| BASE_ORDER + extra)
+    }
+}
 
 impl<T: Real> State<T> {
     /// The state as a vector, the base model first.
@@ -134,12 +185,23 @@ impl<T: Real> State<T> {
         (self.spool, self.spool_rest) = compensated(self.spool, self.spool_rest, change);
     }
 
-    /// The state after a change of its first `N` entries.
+    /// The state after a change of every entry.
     #[inline(always)]
-    pub fn changed<const N: usize>(&self, change: &[T; N]) -> Self {
+    pub fn changed(&self, change: &[T; FULL_ORDER]) -> Self {
+        self.moved(change, &Layout::NATURAL)
+    }
+
+    /// The state after a change of the first `N` entries of a layout.
+    #[inline(always)]
+    pub fn moved<const N: usize>(&self, change: &[T; N], layout: &Layout) -> Self {
         let mut all = self.to_array();
-        for (value, by) in all.iter_mut().zip(change) {
+        for (value, by) in all.iter_mut().zip(change).take(BASE_ORDER) {
             *value += *by;
+        }
+        for (&place, by) in layout.extras.iter().zip(change.iter().skip(BASE_ORDER)) {
+            if let Some(value) = all.get_mut(usize::from(place)) {
+                *value += *by;
+            }
         }
         let mut next = Self::from_array(all);
         (next.spool, next.spool_rest) = compensated(self.spool, self.spool_rest, change[SPOOL]);
@@ -171,12 +233,18 @@ impl<T: Real> State<T> {
         Self::from_array(self.to_array().map(|value| value * factor))
     }
 
-    /// The first `N` entries.
+    /// The first `N` entries of a layout.
     #[inline(always)]
-    pub fn leading<const N: usize>(&self) -> [T; N] {
+    pub fn leading<const N: usize>(&self, layout: &Layout) -> [T; N] {
+        let all = self.to_array();
         let mut first = [T::ZERO; N];
-        for (to, from) in first.iter_mut().zip(self.to_array()) {
-            *to = from;
+        for (to, from) in first.iter_mut().zip(&all).take(BASE_ORDER) {
+            *to = *from;
+        }
+        for (to, &place) in first.iter_mut().skip(BASE_ORDER).zip(&layout.extras) {
+            if let Some(from) = all.get(usize::from(place)) {
+                *to = *from;
+            }
         }
         first
     }

@@ -1,6 +1,7 @@
 //! One effect of the catalogue as a hypothesis: its parameters added to the free ones, fitted together.
 
 use super::place::{self, Place};
+use super::signature::Signatures;
 use crate::fit::{self, Polished, Prepared};
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::EffectInfo;
@@ -41,20 +42,21 @@ pub(super) struct Prospect {
     places: Vec<Place>,
 }
 
-/// Looks at an effect beside the parameters that are free already, whose present values are in the rig. None where
-/// the records say nothing about it, or too many parameters are free.
+/// Looks at an effect beside the parameters that are free already, whose present values are in the rig; `signatures` are
+/// those around it. None where the records say nothing about the effect, or too many parameters are free.
 pub(super) fn look(
     effect: &'static EffectInfo,
     rig: &Rig,
     ranges: &[Range],
     records: &[Prepared],
+    signatures: &Signatures<'_>,
 ) -> Option<Prospect> {
     if ranges.len() + effect.parameters.len() > fit::MAX_FREE {
         return None;
     }
     let base = Place::of(rig, ranges);
     let places: Vec<Place> =
-        place::places(effect, rig, records).iter().map(|place| base.with(place)).collect();
+        place::places(effect, rig, records, signatures).iter().map(|place| base.with(place)).collect();
     let (ranges, foreseen) = places
         .iter()
         .filter_map(|place| Some((&place.ranges, fit::foresee(rig, &place.ranges, &place.values, records)?)))

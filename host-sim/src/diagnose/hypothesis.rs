@@ -3,6 +3,7 @@
 use super::candidate::{self, Candidate, Prospect};
 use super::place::{self, Place};
 use super::residual;
+use super::signature::Signatures;
 use super::weighing::Earned;
 use super::{Case, RESIDUAL_LIMIT};
 use crate::fit::{self, Estimate, Fit, Polished};
@@ -168,10 +169,11 @@ impl Hypothesis {
 
     /// What the linear model says of every effect that is not in the model yet.
     pub(super) fn look(&self, case: &Case<'_>) -> Vec<Prospect> {
+        let signatures = Signatures::new(&self.rig, &self.ranges, case.train());
         EFFECTS
             .par_iter()
             .filter(|effect| !interrupt::requested() && candidate::applies(effect, &self.rig, &self.ranges))
-            .filter_map(|effect| candidate::look(effect, &self.rig, &self.ranges, case.train()))
+            .filter_map(|effect| candidate::look(effect, &self.rig, &self.ranges, case.train(), &signatures))
             .collect()
     }
 
@@ -278,7 +280,8 @@ impl Hypothesis {
 
     /// The model with an effect in the valley that all records show best.
     fn elsewhere(&self, case: &Case<'_>, effect: &'static EffectInfo) -> Option<Self> {
-        let prospect = candidate::look(effect, &self.rig, &self.ranges, case.records)?;
+        let signatures = Signatures::new(&self.rig, &self.ranges, case.records);
+        let prospect = candidate::look(effect, &self.rig, &self.ranges, case.records, &signatures)?;
         let all = prospect.approach(&self.rig, case.records, &[])?.finished(&self.rig, case.records)?;
         let (ranges, fit) = candidate::fitted(&self.rig, all.ranges, &all.fit.values, case.train())?;
         Some(self.joined(case, Candidate { effect, ranges, fit }))

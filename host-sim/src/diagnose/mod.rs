@@ -23,6 +23,7 @@ mod place;
 pub mod residual;
 mod ripple;
 mod search;
+mod signature;
 mod weighing;
 
 use crate::fit::{self, Estimate, Fit, FitSettings, Polished, Prepared};

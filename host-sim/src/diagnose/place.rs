@@ -1,27 +1,32 @@
 //! Where the fit of an effect starts, and how far around it looks.
 
-use super::ripple;
+use super::ripple::{self, Ripple};
+use super::signature::Signatures;
 use crate::fit::Prepared;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::parameter::Parameter;
+use nalgebra::DVector;
+use rayon::prelude::*;
 
 /// Half width of the search for an effect's parameter, in its sizes.
 const REACH: f64 = 20.0;
 /// The same for what would be small: a difference in the wide range would jump over an effect that a channel shows far
 /// better than the position does.
 const NEAR: f64 = 0.6;
-/// Where an effect is looked for, and how far around, in its sizes: a play or a dead zone that is seen at one size is
-/// not linear in it.
-const ONE_SIDED: &[(f64, f64)] = &[(0.0, NEAR), (0.03, NEAR), (0.3, 10.0 * NEAR), (3.0, REACH)];
-/// The same for an effect of several parameters: its absence says nothing of the others, and where it resonates a valley is
-/// narrower than a decade.
-const OF_SEVERAL: &[(f64, f64)] =
-    &[(0.003, 0.1 * NEAR), (0.03, NEAR), (0.3, 10.0 * NEAR), (1.0, REACH), (3.0, REACH), (10.0, REACH)];
-/// The same for what can be on either side of its absence.
-const TWO_SIDED: &[(f64, f64)] = &[(-2.0, REACH), (0.0, NEAR), (0.0, REACH), (2.0, REACH)];
-/// Times at which a step load is looked for.
-const STEP_TIMES: usize = 10;
+/// Largest size at which an effect that is on one side of its absence is tried, in its sizes, and how many in a decade
+/// below that: a valley of a play or a dead zone is a fifth as wide as its size, and one of many.
+const LARGEST: f64 = 10.0;
+const PER_DECADE: i32 = 10;
+const DECADES: i32 = 4;
+/// Change of chi-square by a signature alone below which smaller sizes are not seen.
+const UNSEEN: f64 = 1.0;
+/// Most places at which the fit of an effect starts of those that were tried, the best first.
+const MOST_PLACES: usize = 3;
+/// Where an effect that can be on either side of its absence is looked for, and how far around, in its sizes.
+const EITHER_SIDE: &[(f64, f64)] = &[(-2.0, REACH), (0.0, NEAR), (0.0, REACH), (2.0, REACH)];
+/// Times at which a step load is tried.
+const STEP_TIMES: usize = 40;
 
 /// Where a fit starts.
 #[derive(Clone, Debug)]
@@ -48,51 +53,147 @@ impl Place {
     }
 }
 
-/// A range around the value that a rig has.
-fn around(rig: &Rig, parameter: Parameter, half_width: f64) -> Range {
-    Range::around(parameter, rig.parameters.get(parameter), half_width)
+/// Where an effect of a rig is looked for in records, whose signatures are those around the rig.
+pub(super) fn places(
+    effect: &EffectInfo,
+    rig: &Rig,
+    records: &[Prepared],
+    signatures: &Signatures<'_>,
+) -> Vec<Place> {
+    let seeker = Seeker { effect, rig, signatures };
+    match effect.parameters {
+        [] => Vec::new(),
+        [_, Parameter::StepLoadTime] => seeker.steps(records),
+        [_, _, Parameter::CoggingPitch] => seeker.ripples(records),
+        [first, ..] if rig.parameters.get(*first) > first.info().lower => seeker.either_side(),
+        [..] => seeker.one_side(),
+    }
 }
 
-/// Where an effect of a rig is looked for in records.
-pub(super) fn places(effect: &EffectInfo, rig: &Rig, records: &[Prepared]) -> Vec<Place> {
-    let reach = |index: usize| around(rig, effect.parameters[index], REACH * effect.sizes[index]);
-    match effect.parameters {
-        [_, Parameter::StepLoadTime] => {
-            let duration = |record: &Prepared| record.len() as f64 * record.sample_period;
-            let upper = records.iter().map(duration).fold(0.0, f64::max);
-            let ranges = vec![reach(0), Range { parameter: Parameter::StepLoadTime, lower: 0.0, upper }];
-            let load = rig.parameters.get(effect.parameters[0]) + 0.5 * effect.sizes[0];
-            let time = |step: usize| upper * (step as f64 + 0.5) / STEP_TIMES as f64;
-            (0..STEP_TIMES)
-                .map(|step| Place { ranges: ranges.clone(), values: vec![load, time(step)] })
-                .collect()
-        }
-        [_, _, Parameter::CoggingPitch] => ripple::ripples(rig, records)
-            .into_iter()
-            .map(|ripple| Place {
-                ranges: vec![reach(0), reach(1), ripple.pitch_range()],
-                values: vec![ripple.amplitudes[0], ripple.amplitudes[1], ripple.pitch],
-            })
-            .collect(),
-        [first, others @ ..] => {
-            let (info, size, here) = (first.info(), effect.sizes[0], rig.parameters.get(*first));
-            let multiples = match (here <= info.lower, others) {
-                (true, []) => ONE_SIDED,
-                (true, _) => OF_SEVERAL,
-                (false, _) => TWO_SIDED,
-            };
-            let place = |&(multiple, reach_of_first): &(f64, f64)| Place {
-                ranges: std::iter::once(around(rig, *first, reach_of_first * size))
-                    .chain((1..=others.len()).map(reach))
-                    .collect(),
-                values: std::iter::once((here + multiple * size).clamp(info.lower, info.upper))
-                    .chain(effect.sizes[1..].iter().copied())
-                    .collect(),
-            };
-            multiples.iter().map(place).collect()
-        }
-        [] => Vec::new(),
+/// What looks for the places of an effect.
+struct Seeker<'a> {
+    effect: &'a EffectInfo,
+    rig: &'a Rig,
+    signatures: &'a Signatures<'a>,
+}
+
+impl Seeker<'_> {
+    fn here(&self, index: usize) -> f64 {
+        self.rig.parameters.get(self.effect.parameters[index])
     }
+
+    fn around(&self, index: usize, half_width: f64) -> Range {
+        Range::around(self.effect.parameters[index], self.here(index), half_width)
+    }
+
+    fn reach(&self, index: usize) -> Range {
+        self.around(index, REACH * self.effect.sizes[index])
+    }
+
+    /// The signature of some values of the effect.
+    fn signature(&self, values: &[f64]) -> DVector<f64> {
+        let mut rig = self.rig.clone();
+        for (&parameter, &value) in self.effect.parameters.iter().zip(values) {
+            rig.parameters.set(parameter, value);
+        }
+        self.signatures.of(&rig)
+    }
+
+    /// The times at which a step of the load explains most.
+    fn steps(&self, records: &[Prepared]) -> Vec<Place> {
+        let duration = |record: &Prepared| record.len() as f64 * record.sample_period;
+        let upper = records.iter().map(duration).fold(0.0, f64::max);
+        let time = |index: usize| upper * (index as f64 + 0.5) / STEP_TIMES as f64;
+        let step = 0.5 * self.effect.sizes[0];
+        let tried: Vec<(f64, f64)> = (0..STEP_TIMES)
+            .into_par_iter()
+            .map(|index| {
+                let signature = self.signature(&[self.here(0) + step, time(index)]);
+                let best = self.signatures.best(&[signature]);
+                best.map_or((0.0, step), |(amounts, gain)| (-gain, amounts[0] * step))
+            })
+            .collect();
+        let costs: Vec<f64> = tried.iter().map(|(cost, _)| *cost).collect();
+        let place = |index: usize| Place {
+            ranges: vec![self.reach(0), Range { parameter: Parameter::StepLoadTime, lower: 0.0, upper }],
+            values: vec![self.here(0) + tried[index].1, time(index)],
+        };
+        valleys(&costs, 0.0).into_iter().map(place).collect()
+    }
+
+    /// The pitches at which a ripple explains most.
+    fn ripples(&self, records: &[Prepared]) -> Vec<Place> {
+        let judged = |ripple: Ripple| {
+            let size = ripple.amplitude();
+            let signatures = [[size, 0.0], [0.0, size]].map(|[cosine, sine]| {
+                self.signature(&[self.here(0) + cosine, self.here(1) + sine, ripple.pitch])
+            });
+            let (amounts, gain) = self.signatures.best(&signatures)?;
+            let values =
+                vec![self.here(0) + amounts[0] * size, self.here(1) + amounts[1] * size, ripple.pitch];
+            Some((gain, Place { ranges: vec![self.reach(0), self.reach(1), ripple.pitch_range()], values }))
+        };
+        let mut seen: Vec<(f64, Place)> =
+            ripple::ripples(self.rig, records).into_par_iter().filter_map(judged).collect();
+        seen.sort_by(|a, b| b.0.total_cmp(&a.0));
+        seen.into_iter().take(MOST_PLACES).map(|(_, place)| place).collect()
+    }
+
+    /// Some sizes of what can be on either side of its absence, and that.
+    fn either_side(&self) -> Vec<Place> {
+        EITHER_SIDE
+            .iter()
+            .map(|&(change, reach)| self.place(change * self.effect.sizes[0], reach * self.effect.sizes[0]))
+            .collect()
+    }
+
+    /// The sizes that explain most of what is on one side of its absence, and that.
+    fn one_side(&self) -> Vec<Place> {
+        let size = self.effect.sizes[0];
+        let (mut sizes, mut costs) = (Vec::new(), Vec::new());
+        for step in 0..=PER_DECADE * DECADES {
+            let change = LARGEST * size * 10_f64.powf(-f64::from(step) / f64::from(PER_DECADE));
+            let signature = self.signature(&self.place(change, 0.0).values);
+            sizes.push(change);
+            costs.push(self.signatures.chi_square(&signature));
+            if signature.norm_squared() < UNSEEN {
+                break;
+            }
+        }
+        let absent = (self.effect.parameters.len() == 1).then(|| self.place(0.0, NEAR * size));
+        let seen = valleys(&costs, self.signatures.chi_square(&self.signatures.none()));
+        absent
+            .into_iter()
+            .chain(seen.into_iter().map(|index| self.place(sizes[index], sizes[index])))
+            .collect()
+    }
+
+    /// A change of the first parameter and how far around the rig's value it is looked for; the others have their size.
+    fn place(&self, change: f64, half_width: f64) -> Place {
+        let sizes = self.effect.sizes;
+        let info = self.effect.parameters[0].info();
+        Place {
+            ranges: std::iter::once(self.around(0, half_width))
+                .chain((1..sizes.len()).map(|index| self.reach(index)))
+                .collect(),
+            values: std::iter::once((self.here(0) + change).clamp(info.lower, info.upper))
+                .chain(sizes[1..].iter().copied())
+                .collect(),
+        }
+    }
+}
+
+/// Indices of the lowest of some costs that are below both neighbours, the lowest first; `behind` follows the last one.
+fn valleys(costs: &[f64], behind: f64) -> Vec<usize> {
+    let cost = |index: usize| costs.get(index).copied();
+    let is_valley = |&index: &usize| {
+        let before = index.checked_sub(1).and_then(cost).unwrap_or(f64::INFINITY);
+        costs[index] < before && costs[index] <= cost(index + 1).unwrap_or(behind)
+    };
+    let mut valleys: Vec<usize> = (0..costs.len()).filter(is_valley).collect();
+    valleys.sort_by(|&a, &b| costs[a].total_cmp(&costs[b]));
+    valleys.truncate(MOST_PLACES);
+    valleys
 }
 
 /// Where records show an effect of a model that was fitted to a part of them. None for an effect that is not looked for
@@ -107,6 +208,7 @@ pub(super) fn shown_by(effect: &EffectInfo, rig: &Rig, ranges: &[Range], records
     }
     let others: Vec<Range> =
         ranges.iter().filter(|range| !effect.parameters.contains(&range.parameter)).copied().collect();
+    let signatures = Signatures::new(&without, &others, records);
     let others = Place::of(rig, &others);
-    places(effect, &without, records).iter().map(|place| others.with(place)).collect()
+    places(effect, &without, records, &signatures).iter().map(|place| others.with(place)).collect()
 }

@@ -3,6 +3,8 @@
 use crate::fit::{self, Prepared};
 use eha_monitor::channel::Channel;
 use eha_monitor::model::state::Outputs;
+use nalgebra::DVector;
+use std::slice;
 
 /// Channels that the model predicts.
 pub const MEASURED: usize = Channel::MEASURED.len();
@@ -34,6 +36,18 @@ pub struct ChannelResidual {
 pub fn series(records: &[Prepared], predictions: &[Vec<Outputs<f64>>], channel: usize) -> Vec<Vec<f64>> {
     let records: Vec<_> = records.iter().map(Prepared::as_core).collect();
     fit::residual_series(&records, predictions, channel)
+}
+
+/// Residuals of all channels and records, one after the other, in units of their noise; 0 where nothing is compared.
+pub fn in_noise(records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> DVector<f64> {
+    let mut all = Vec::new();
+    for (record, outputs) in records.iter().zip(predictions) {
+        for (channel, noise) in record.noise.into_iter().enumerate().filter(|(_, noise)| noise.is_finite()) {
+            let series = series(slice::from_ref(record), slice::from_ref(outputs), channel).concat();
+            all.extend(series.iter().map(|value| if value.is_finite() { value / noise } else { 0.0 }));
+        }
+    }
+    all.into()
 }
 
 /// Residual of each measured channel.

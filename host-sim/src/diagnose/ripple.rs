@@ -14,14 +14,14 @@ use rayon::prelude::*;
 
 /// Share by which a fit may move a pitch away from where it was seen.
 const PITCH_REACH: f64 = 0.02;
-/// Ripples that are handed to the fit.
-const MOST_RIPPLES: usize = 3;
+/// Ripples that are handed on: an actuator that sticks now and then is not the linear one that they are judged by.
+const MOST_RIPPLES: usize = 12;
 /// Pitches that are judged by what their force would do.
 const MOST_JUDGED: usize = 24;
 /// Most periods along the way that are looked for.
 const MOST_PERIODS: f64 = 400.0;
 /// Fewest: fewer are a bend, not a ripple.
-const FEWEST_PERIODS: f64 = 3.0;
+const FEWEST_PERIODS: f64 = 2.0;
 /// Parts of a period over the whole way by which neighbours of the search differ.
 const PARTS: f64 = 4.0;
 /// Places of a record at which the load is stepped.
@@ -37,12 +37,17 @@ pub(super) struct Ripple {
     /// Length of a period, m.
     pub(super) pitch: f64,
     /// Amplitudes of its cosine and sine, N, against the motion where they are positive.
-    pub(super) amplitudes: [f64; 2],
+    amplitudes: [f64; 2],
     /// Fall of chi-square that it promises.
     gain: f64,
 }
 
 impl Ripple {
+    /// Amplitude, N.
+    pub(super) fn amplitude(&self) -> f64 {
+        self.amplitudes[0].hypot(self.amplitudes[1])
+    }
+
     /// Where a fit may move the pitch.
     pub(super) fn pitch_range(&self) -> Range {
         let info = Parameter::CoggingPitch.info();

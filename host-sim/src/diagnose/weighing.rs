@@ -7,9 +7,10 @@ use eha_monitor::effect::EffectInfo;
 use eha_monitor::model::state::Outputs;
 use rayon::prelude::*;
 
-/// Rise of the held-out records' chi-square that chance explains (two standard deviations of one parameter), in units of
-/// what is left and for samples that say different things.
-const HOLDOUT_CHANCE: f64 = 4.0;
+/// Rise of the held-out records' chi-square that chance explains (three standard deviations of one parameter: with two,
+/// one effect in fifty would be refused though it is there), in units of what is left and for samples that say different
+/// things.
+const HOLDOUT_CHANCE: f64 = 9.0;
 /// Standard errors, over blocks of the records, that a gain must have where what is left is not noise.
 const ROBUST_SIGMA: f64 = 2.0;
 

@@ -19,40 +19,33 @@ pub const LOOK_TOLERANCE: f64 = 1e-7;
 const SLOTS: usize = 32;
 
 /// Exact steps of the base model.
-pub type Base = Exact<f64, BASE_ORDER, SLOTS>;
-/// Exact steps of a model with every state.
-pub type Full = Exact<f64, FULL_ORDER, { SLOTS / 2 }, FINE>;
+type Plain = Exact<f64, BASE_ORDER, SLOTS>;
+/// Exact steps of a model that moves more than that.
+type Fine<const ORDER: usize> = Exact<f64, ORDER, { SLOTS / 2 }, FINE>;
+/// Steps of a model whose laws are not all affine.
+type Curved<const ORDER: usize> = Collocation<f64, ORDER, { SLOTS / 2 }>;
 
-/// Steps of a base model with laws that are not affine.
-pub type CurvedBase = Collocation<f64, BASE_ORDER, SLOTS>;
-/// Steps of a model with every state and laws that are not affine.
-pub type CurvedFull = Collocation<f64, FULL_ORDER, { SLOTS / 2 }>;
+/// Fewest states of a model that moves more than the base model, and those that an integrator carries for a few more: an
+/// effect has one of its own, the mount two.
+const MORE: usize = BASE_ORDER + 1;
+const SOME_ORDER: usize = BASE_ORDER + 2;
 
-/// The integrators that a fit can use.
+/// What an integrator must be able to do for every candidate of a problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Engine {
-    /// [`Base`].
-    Base,
-    /// [`Full`].
-    Full,
-    /// [`CurvedBase`].
-    CurvedBase,
-    /// [`CurvedFull`].
-    CurvedFull,
+pub struct Engine {
+    /// Are all laws piecewise affine, so that steps are exact?
+    pub is_affine: bool,
+    /// States that move.
+    order: usize,
 }
 
 impl Engine {
-    /// The fastest integrator that is right for every candidate of a problem.
+    /// What a problem needs.
     pub fn of(problem: &Problem<'_, f64>) -> Self {
         // A parameter that is free is not neutral inside its range.
         let inside = vec![0.618; problem.free.len()];
         let model = problem.model(&inside);
-        match (model.is_affine(), model.order() == BASE_ORDER) {
-            (true, true) => Self::Base,
-            (true, false) => Self::Full,
-            (false, true) => Self::CurvedBase,
-            (false, false) => Self::CurvedFull,
-        }
+        Self { is_affine: model.is_affine(), order: model.order() }
     }
 }
 
@@ -86,11 +79,18 @@ pub fn on_records<J: Job>(
         .collect();
     let records: Vec<_> = records.iter().map(Prepared::as_core).collect();
     let problem = Problem { form: rig.form, parameters: rig.parameters, free: &free, records: &records };
-    match Engine::of(&problem) {
-        Engine::Base => job.run(&problem, &mut steppers(&problem, Base::new)),
-        Engine::Full => job.run(&problem, &mut steppers(&problem, Full::new)),
-        Engine::CurvedBase => job.run(&problem, &mut steppers(&problem, || CurvedBase::new(tolerance))),
-        Engine::CurvedFull => job.run(&problem, &mut steppers(&problem, || CurvedFull::new(tolerance))),
+    let Engine { is_affine, order } = Engine::of(&problem);
+    match (is_affine, order) {
+        (true, ..=BASE_ORDER) => job.run(&problem, &mut steppers(&problem, Plain::new)),
+        (true, MORE..=SOME_ORDER) => job.run(&problem, &mut steppers(&problem, Fine::<SOME_ORDER>::new)),
+        (true, _) => job.run(&problem, &mut steppers(&problem, Fine::<FULL_ORDER>::new)),
+        (false, ..=BASE_ORDER) => {
+            job.run(&problem, &mut steppers(&problem, || Curved::<BASE_ORDER>::new(tolerance)))
+        }
+        (false, MORE..=SOME_ORDER) => {
+            job.run(&problem, &mut steppers(&problem, || Curved::<SOME_ORDER>::new(tolerance)))
+        }
+        (false, _) => job.run(&problem, &mut steppers(&problem, || Curved::<FULL_ORDER>::new(tolerance))),
     }
 }
 

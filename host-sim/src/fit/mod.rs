@@ -19,7 +19,7 @@ use eha_monitor::fit::problem::{Misfit, Problem};
 use eha_monitor::integrate::Stepper;
 use eha_monitor::model::state::Outputs;
 use eha_monitor::parameter::{Parameter, Parameters};
-use engine::{FIT_TOLERANCE, Job, on_records};
+use engine::{FIT_TOLERANCE, Job, LOOK_TOLERANCE, on_records};
 use std::time::Instant;
 
 /// Most parameters that one fit may free.
@@ -184,6 +184,11 @@ pub fn fit_near(
 /// What a model with given parameters predicts for each record.
 pub fn predict(rig: &Rig, records: &[Prepared]) -> Vec<Vec<Outputs<f64>>> {
     on_records(rig, &[], records, FIT_TOLERANCE, Trace)
+}
+
+/// The same with the tolerance of a look.
+pub fn glimpse(rig: &Rig, records: &[Prepared]) -> Vec<Vec<Outputs<f64>>> {
+    on_records(rig, &[], records, LOOK_TOLERANCE, Trace)
 }
 
 struct Trace;

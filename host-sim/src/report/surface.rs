@@ -34,8 +34,7 @@ impl Surface {
         let rig = Rig { parameters: fit.parameters, ..rig.clone() };
         let samples: usize = records.iter().map(Prepared::len).sum();
         let engine = on_records(&rig, &ranges, records, FIT_TOLERANCE, Which);
-        let affine = matches!(engine, Engine::Base | Engine::Full);
-        let most = if affine { AFFINE_SAMPLES } else { CURVED_SAMPLES };
+        let most = if engine.is_affine { AFFINE_SAMPLES } else { CURVED_SAMPLES };
         let side = ((most as f64 / samples.max(1) as f64).sqrt() as usize).clamp(CELLS[0], CELLS[1]);
         if side * side * samples > TOO_LONG * most {
             return None;
