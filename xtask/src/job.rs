@@ -85,6 +85,10 @@ fn cargo() -> Command {
     let package = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo.current_dir(package.parent().unwrap_or(package));
+    // What serves the next build is of no use to a clone that is built once.
+    if env::var_os("CI").is_some() {
+        cargo.env("CARGO_INCREMENTAL", "0");
+    }
     cargo
 }
 
