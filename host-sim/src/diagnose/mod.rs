@@ -101,6 +101,8 @@ pub struct Diagnosis {
     pub before: Fit,
     /// The declared faults at the end.
     pub faults: Vec<Fault>,
+    /// The other parameters that the rig declares free, at the end.
+    pub free: Vec<Estimate>,
     /// Effects that were added.
     pub found: Vec<Found>,
     /// Noise of each measured channel, rms over the fitted records.
@@ -239,6 +241,7 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned], o
     Diagnosis {
         verdict,
         faults,
+        free: estimates[case.rig.faults.len()..before.estimates.len()].to_vec(),
         found,
         noise: fit::pooled(case.train().iter().map(|record| record.noise)),
         train: scores(case.train()),

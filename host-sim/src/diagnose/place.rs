@@ -212,3 +212,16 @@ pub(super) fn shown_by(effect: &EffectInfo, rig: &Rig, ranges: &[Range], records
     let others = Place::of(rig, &others);
     places(effect, &without, records, &signatures).iter().map(|place| others.with(place)).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::valleys;
+
+    #[test]
+    fn valleys_are_below_their_neighbours_and_the_lowest_comes_first() {
+        assert_eq!(valleys(&[5.0, 2.0, 4.0, 1.0, 3.0, 2.5], 3.0), [3, 1, 5]);
+        assert_eq!(valleys(&[5.0, 2.0, 4.0, 1.0, 3.0, 2.5], 2.0), [3, 1]);
+        assert_eq!(valleys(&[1.0, 1.0, 2.0], 3.0), [0]);
+        assert_eq!(valleys(&[4.0, 1.0, 3.0, 1.5, 3.0, 2.0, 3.0, 2.5], 3.0), [1, 3, 5]);
+    }
+}

@@ -80,3 +80,56 @@ impl<'a> Signatures<'a> {
 fn residual_of(rig: &Rig, records: &[Prepared]) -> DVector<f64> {
     residual::in_noise(records, &fit::glimpse(rig, records))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Signatures;
+    use crate::fit::{self, Prepared};
+    use crate::record::Record;
+    use crate::rig::Rig;
+    use eha_monitor::channel::Channel;
+    use eha_monitor::parameter::Parameter;
+    use nalgebra::DVector;
+
+    const PERIOD: f64 = 1e-3;
+    const NOISE: [f64; 4] = [1e-6, f64::INFINITY, f64::INFINITY, f64::INFINITY];
+
+    fn with(rig: &Rig, parameter: Parameter, change: f64) -> Rig {
+        let mut rig = rig.clone();
+        rig.parameters.set(parameter, rig.parameters.get(parameter) + change);
+        rig
+    }
+
+    /// A second of a growing sine, with the position of a rig.
+    fn record(rig: &Rig) -> Prepared {
+        let command: Vec<f64> =
+            (0..1000).map(|k| f64::from(k) * 5e-6 * (f64::from(k) * PERIOD * 20.0).sin()).collect();
+        let prepared = |position: Vec<f64>| {
+            let channels = vec![(Channel::Command, command.clone()), (Channel::UserPosition, position)];
+            let record = Record::new("made".to_owned(), PERIOD, 0.0, channels).unwrap();
+            fit::prepare_with(rig, &record, NOISE)
+        };
+        let outputs = fit::predict(rig, &[prepared(command.clone())]).concat();
+        prepared(outputs.iter().map(|outputs| outputs.user).collect())
+    }
+
+    #[test]
+    fn what_is_free_leaves_no_signature_and_what_is_not_shows_its_size() {
+        let mut rig = Rig::load("eha").unwrap();
+        (rig.parameters.bkl, rig.parameters.fdj) = (2e-4, 800.0);
+        let records = [record(&with(&rig, Parameter::ConstantLoad, 40.0))];
+        let (free, none) =
+            (Signatures::new(&rig, &rig.faults, &records), Signatures::new(&rig, &[], &records));
+        let stiffer = with(&rig, Parameter::DryFriction, 5.0);
+        assert!(none.of(&stiffer).norm() > 1.0);
+        assert!(free.of(&stiffer).norm() < 0.05 * none.of(&stiffer).norm());
+
+        let loaded = free.of(&with(&rig, Parameter::ConstantLoad, 10.0));
+        let (amounts, gain) = free.best(std::slice::from_ref(&loaded)).unwrap();
+        assert!((amounts[0] - 4.0).abs() < 0.2, "{amounts}");
+        let left = free.chi_square(&DVector::zeros(loaded.len()));
+        assert!(gain > 0.95 * left, "{gain} of {left}");
+        assert!(free.chi_square(&(&loaded * amounts[0])) < 0.05 * left);
+        assert!(free.best(&[free.none()]).is_none());
+    }
+}

@@ -68,7 +68,7 @@ pub(crate) fn diagnosis(case: &Diagnosed<'_>) -> String {
             .filter(|free| case.rig.faults.iter().all(|fault| fault.parameter != free.parameter)),
     );
     let mut sections = vec![("What was found", found(diagnosis, result))];
-    sections.push(("Faults", faults(diagnosis)));
+    sections.push((headings(diagnosis).0, estimates(diagnosis)));
     if !predicted.is_empty() {
         sections.push(("Held-out records", figures::records(&predicted)));
     }
@@ -119,7 +119,12 @@ fn summary(diagnosis: &Diagnosis) -> String {
             format!("With {}, the model explains the records down to the noise.", found.join(" and "))
         }
         Verdict::Unexplained if found.is_empty() => {
-            "The model lacks something that no effect of the catalogue explains.".to_owned()
+            let terms = if diagnosis.found.is_empty() {
+                ""
+            } else {
+                " Empirical terms bring its prediction closer; they are no names for what is there."
+            };
+            format!("The model lacks something that no effect of the catalogue explains.{terms}")
         }
         Verdict::Unexplained => {
             format!("{} explains the better part of the misfit; something is left.", found.join(" and "))
@@ -170,7 +175,11 @@ fn found(diagnosis: &Diagnosis, result: &Value) -> Markup {
                     info.name.to_owned(),
                     q(estimate.value),
                     format!("{} to {}", q(estimate.ci95[0]), q(estimate.ci95[1])),
-                    if found.class.len() > 1 { names(&found.class[1..]) } else { "nothing else".to_owned() },
+                    match (found.named, found.class.len()) {
+                        (false, _) => "not a name".to_owned(),
+                        (true, 1) => "nothing else".to_owned(),
+                        (true, _) => names(&found.class[1..]),
+                    },
                 ]
             })
         })
@@ -189,6 +198,7 @@ fn found(diagnosis: &Diagnosis, result: &Value) -> Markup {
     let next = result["next_experiment"].as_str().filter(|next| !next.is_empty());
     html! {
         (errors(diagnosis))
+        (closed_loop(result))
         (remarks("What to measure next", &[next.unwrap_or("Nothing is open.").to_owned()]))
         @if !rows.is_empty() {
             (table("Effects that were added", &equations.join("; "),
@@ -215,53 +225,97 @@ fn left_words(left: &crate::diagnose::residual::Description) -> Vec<String> {
 fn errors(diagnosis: &Diagnosis) -> Markup {
     let mut groups = vec![("fitted records", diagnosis.train)];
     groups.extend(diagnosis.holdout.map(|scores| ("held-out records", scores)));
+    let groups: Vec<_> =
+        groups.into_iter().map(|(name, scores)| (name, scores.map(|score| score.position_rms))).collect();
+    let noise = Some(diagnosis.noise[0]);
+    bars("Error of the user position, before and after", ("residual, rms", "m"), &groups, noise, true)
+}
+
+/// Errors of an axis whose controller is known.
+fn closed_loop(result: &Value) -> Markup {
+    let group = |name: &str, scale: f64| -> Vec<(&'static str, [f64; 2])> {
+        let number = |records: &str, when: &str| {
+            Some(result["closed_loop"][records][format!("{when}_{name}")].as_f64()? * scale)
+        };
+        [("train", "fitted records"), ("holdout", "held-out records")]
+            .into_iter()
+            .filter_map(|(records, title)| {
+                Some((title, [number(records, "before")?, number(records, "after")?]))
+            })
+            .collect()
+    };
+    let (force, open) = (group("force_error", 100.0), group("open_loop_rms_m", 1.0));
+    html! {
+        @if !force.is_empty() {
+            (bars("Force in closed loop, before and after", ("error over recorded force", "%"), &force, None, open.is_empty()))
+        }
+        @if !open.is_empty() {
+            (bars("Open loop, before and after", ("residual of the user position, rms", "m"), &open, None, false))
+        }
+    }
+}
+
+/// Errors before and after, as bars.
+fn bars(
+    title: &str,
+    (quantity, unit): (&str, &str),
+    groups: &[(&str, [f64; 2])],
+    noise: Option<f64>,
+    wide: bool,
+) -> Markup {
     let bar = |name: &str, role: Role, value: f64| Row {
         name: name.to_owned(),
         role,
         shape: Shape::Bar(value),
-        text: shown(value, "m"),
+        text: shown(value, unit),
     };
-    let mut rows = Vec::new();
-    for (name, [before, after]) in groups {
-        rows.push(bar(name, Role::Before, before.position_rms));
-        rows.push(bar("", Role::After, after.position_rms));
-    }
-    rows.push(bar("noise", Role::Reference, diagnosis.noise[0]));
-    let ends = rows.iter().map(|row| match row.shape {
-        Shape::Bar(value) | Shape::Point(value, _) => value,
-    });
+    let mut rows: Vec<Row> = groups
+        .iter()
+        .flat_map(|&(name, [before, after])| [bar(name, Role::Before, before), bar("", Role::After, after)])
+        .collect();
+    rows.extend(noise.map(|noise| bar("noise", Role::Reference, noise)));
+    let values = groups.iter().flat_map(|(_, values)| *values).chain(noise);
     Rows {
-        title: "Error of the user position, before and after".to_owned(),
+        title: title.to_owned(),
         legend: vec![(Role::Before, "before".to_owned()), (Role::After, "after".to_owned())],
         note: String::new(),
-        axis: Axis::from_zero("residual, rms", "m", ends),
-        entries: rows.clone(),
-        wide: true,
+        axis: Axis::from_zero(quantity, unit, values),
+        entries: rows,
+        wide,
     }
     .figure()
 }
 
-fn faults(diagnosis: &Diagnosis) -> Markup {
-    let after: Vec<Estimate> = diagnosis.faults.iter().map(|fault| fault.estimate).collect();
-    let before: Vec<&Estimate> = diagnosis.before.estimates.iter().take(after.len()).collect();
-    let rows: Vec<Vec<String>> = diagnosis
-        .faults
+/// Faults, and the other free parameters, before and after.
+fn estimates(diagnosis: &Diagnosis) -> Markup {
+    let after: Vec<&Estimate> =
+        diagnosis.faults.iter().map(|fault| &fault.estimate).chain(&diagnosis.free).collect();
+    let before: Vec<&Estimate> = diagnosis.before.estimates.iter().collect();
+    let rows: Vec<Vec<String>> = after
         .iter()
         .zip(&before)
-        .map(|(fault, before)| {
-            let info = fault.estimate.parameter.info();
+        .enumerate()
+        .map(|(index, (after, before))| {
+            let info = after.parameter.info();
             let q = |value| shown(value, info.unit);
+            let mixed_up = diagnosis.faults.get(index).map(|fault| names(&fault.confounded_with));
             vec![
                 info.name.to_owned(),
                 q(before.value),
-                q(fault.estimate.value),
-                format!("{} to {}", q(fault.estimate.ci95[0]), q(fault.estimate.ci95[1])),
-                if fault.confounded_with.is_empty() { "-".to_owned() } else { names(&fault.confounded_with) },
+                q(after.value),
+                format!("{} to {}", q(after.ci95[0]), q(after.ci95[1])),
+                mixed_up.filter(|names| !names.is_empty()).unwrap_or_else(|| "-".to_owned()),
             ]
         })
         .collect();
+    let (title, first) = headings(diagnosis);
     html! {
-        (figures::estimates(&[(Role::Before, "before", before), (Role::After, "after", after.iter().collect())]))
-        (table("Faults", "", &["fault", "before", "after", "95 % interval", "mixed up with"], &rows, true))
+        (figures::estimates(&[(Role::Before, "before", before), (Role::After, "after", after)]))
+        (table(title, "", &[first, "before", "after", "95 % interval", "mixed up with"], &rows, true))
     }
+}
+
+/// What the declared parameters are, and what one of them is.
+fn headings(diagnosis: &Diagnosis) -> (&'static str, &'static str) {
+    if diagnosis.free.is_empty() { ("Faults", "fault") } else { ("Free parameters", "parameter") }
 }

@@ -196,8 +196,10 @@ fn noise_table(fit: &Fit, source: &[NoiseSource]) -> Markup {
     table("Residual and noise", "", &["channel", "residual rms", "noise", "noise from"], &rows, false)
 }
 
-/// A record's name without its folder and ending.
+/// A record's name without its folder and ending, but with its segment.
 pub(super) fn short_name(name: &str) -> String {
-    let path = std::path::Path::new(name);
-    path.file_stem().map_or_else(|| name.to_owned(), |stem| stem.to_string_lossy().into_owned())
+    let (file, segment) = name.rsplit_once('@').map_or((name, None), |(file, segment)| (file, Some(segment)));
+    let path = std::path::Path::new(file);
+    let stem = path.file_stem().map_or_else(|| file.into(), std::ffi::OsStr::to_string_lossy);
+    segment.map_or_else(|| stem.to_string(), |segment| format!("{stem}@{segment}"))
 }

@@ -4,13 +4,14 @@ use super::{DEFAULT_RIG, InputOptions};
 use crate::cli::Common;
 use crate::diagnose::{Case, Diagnosis, Score, Verdict, diagnose};
 use crate::failure::Failure;
-use crate::fit::{self, FitSettings, LoopScore, Prepared};
+use crate::fit::{self, Estimate, FitSettings, LoopScore, Prepared};
 use crate::interrupt;
 use crate::output::{self, SCHEMA};
 use crate::record::Record;
 use crate::report::{self, Diagnosed};
 use crate::rig::{self, Rig};
 use crate::trace::Trace;
+use comfy_table::Table;
 use eha_monitor::channel::Channel;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -107,7 +108,9 @@ impl Job<'_> {
 
     fn json(&self, diagnosis: &Diagnosis, seconds: f64) -> Value {
         let pair = |scores: &[Score; 2]| json!({ "before_rms_m": output::number(scores[0].position_rms), "after_rms_m": output::number(scores[1].position_rms) });
-        let declared = self.rig.faults.len();
+        let estimates =
+            |estimates: &[Estimate]| estimates.iter().map(output::estimate_json).collect::<Vec<_>>();
+        let (faults_before, free_before) = diagnosis.before.estimates.split_at(diagnosis.faults.len());
         let found = |named: bool| -> Vec<Value> {
             diagnosis
                 .found
@@ -120,7 +123,7 @@ impl Job<'_> {
                         "evidence": output::number(found.evidence),
                         "equation": found.effect.equation,
                         "port": found.effect.port.name(),
-                        "parameters": found.estimates.iter().map(output::estimate_json).collect::<Vec<_>>(),
+                        "parameters": estimates(&found.estimates),
                     })
                 })
                 .collect()
@@ -138,8 +141,10 @@ impl Job<'_> {
         json!({
             "schema": SCHEMA,
             "verdict": diagnosis.verdict.name(),
-            "faults_before": diagnosis.before.estimates.iter().take(declared).map(output::estimate_json).collect::<Vec<_>>(),
+            "faults_before": estimates(faults_before),
             "faults": faults,
+            "free_before": estimates(free_before),
+            "free": estimates(&diagnosis.free),
             "effects": found(true),
             "empirical_terms": found(false),
             "error": {
@@ -297,20 +302,9 @@ impl Job<'_> {
             }
         }
         self.closed_loop_text(result, &mut text);
-        let mut table = output::table(["fault", "before", "after", "95 % interval", "mixed up with"]);
-        for (fault, before) in diagnosis.faults.iter().zip(&diagnosis.before.estimates) {
-            let info = fault.estimate.parameter.info();
-            let q = |value| output::quantity(value, info.unit);
-            let names: Vec<&str> = fault.confounded_with.iter().map(|effect| effect.name).collect();
-            table.add_row([
-                info.name.to_owned(),
-                q(before.value),
-                q(fault.estimate.value),
-                format!("{} to {}", q(fault.estimate.ci95[0]), q(fault.estimate.ci95[1])),
-                if names.is_empty() { "-".to_owned() } else { names.join(", ") },
-            ]);
+        for table in tables(diagnosis) {
+            let _ = writeln!(text, "\n{table}");
         }
-        let _ = writeln!(text, "\n{table}");
         if let Some(left) = &diagnosis.left {
             let _ =
                 write!(text, "left: half of it acts from {:.3} to {:.3} s", left.active[0], left.active[1]);
@@ -336,6 +330,28 @@ impl Job<'_> {
         );
         text
     }
+}
+
+/// The faults and the other free parameters, as far as there are any.
+fn tables(diagnosis: &Diagnosis) -> impl Iterator<Item = Table> {
+    let row = |before: &Estimate, after: &Estimate| {
+        let info = after.parameter.info();
+        let q = |value| output::quantity(value, info.unit);
+        let [lower, upper] = after.ci95.map(q);
+        vec![info.name.to_owned(), q(before.value), q(after.value), format!("{lower} to {upper}")]
+    };
+    let (faults_before, free_before) = diagnosis.before.estimates.split_at(diagnosis.faults.len());
+    let mut faults = output::table(["fault", "before", "after", "95 % interval", "mixed up with"]);
+    for (fault, before) in diagnosis.faults.iter().zip(faults_before) {
+        let names: Vec<&str> = fault.confounded_with.iter().map(|effect| effect.name).collect();
+        let names = if names.is_empty() { "-".to_owned() } else { names.join(", ") };
+        faults.add_row([row(before, &fault.estimate), vec![names]].concat());
+    }
+    let mut free = output::table(["free parameter", "before", "after", "95 % interval"]);
+    for (after, before) in diagnosis.free.iter().zip(free_before) {
+        free.add_row(row(before, after));
+    }
+    [faults, free].into_iter().filter(|table| !table.is_empty())
 }
 
 fn warnings(diagnosis: &Diagnosis) -> Vec<String> {
