@@ -175,12 +175,33 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f
     watch("looking for what is mixed up with a fault", 0.95);
     let whole = if in_excerpts { sound.best.refitted(case) } else { sound.best.clone() };
     let named = whole.is_name(case, &before.misfit);
-    let open = Open {
-        named,
-        stand_ins: if named { sound.stand_ins } else { vec![Vec::new(); sound.earned.len()] },
-        confounded: sound.best.confounded(&searched),
+    let confounded = sound.best.confounded(&searched);
+    let (whole, earned, stand_ins) = if named {
+        (whole, sound.earned, sound.stand_ins)
+    } else {
+        let (whole, earned) = helpful(case, &before, whole, sound.earned);
+        let none = vec![Vec::new(); earned.len()];
+        (whole, earned, none)
     };
-    conclude(case, before, whole, &sound.earned, &open)
+    conclude(case, before, whole, &earned, &Open { named, stand_ins, confounded })
+}
+
+/// An empirical term is there to predict: as long as the held-out records are predicted worse than without any, the
+/// weakest is dropped.
+fn helpful(
+    case: &Case<'_>,
+    before: &Fit,
+    mut model: Hypothesis,
+    mut earned: Vec<Earned>,
+) -> (Hypothesis, Vec<Earned>) {
+    let error = |rig: &Rig| score(rig, case.holdout()).position_rms;
+    let bare = Rig { parameters: before.parameters, ..case.rig.clone() };
+    while !case.holdout().is_empty() && error(&model.rig) > error(&bare) {
+        let weakest = (0..earned.len()).min_by(|&a, &b| earned[a].evidence.total_cmp(&earned[b].evidence));
+        let Some(weakest) = weakest else { break };
+        model = model.without(case, earned.remove(weakest).effect);
+    }
+    (model, earned)
 }
 
 /// What the records leave open.
