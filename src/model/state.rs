@@ -60,34 +60,23 @@ const EXTRAS: usize = FULL_ORDER - BASE_ORDER;
 pub struct Layout {
     /// Places in the state of what follows the base model; behind that, places that no state has.
     extras: [u8; EXTRAS],
-    /// Number of entries that move.
-    order: u8,
 }
 
 impl Layout {
     /// No layout yet: all zeros.
-    pub const NONE: Self = Self { extras: [0; EXTRAS], order: 0 };
+    pub const NONE: Self = Self { extras: [0; EXTRAS] };
     /// Every entry, as the state has them.
-    pub const NATURAL: Self = Self { extras: [5, 6, 7, 8, 9, 10, 11, 12], order: FULL_ORDER as u8 };
+    pub const NATURAL: Self = Self { extras: [5, 6, 7, 8, 9, 10, 11, 12] };
 
     /// The layout of a model that moves some of the entries behind the base model: a bit for each, the first the lowest.
     #[inline(never)]
     pub fn of(moving: u8) -> Self {
-        let mut layout = Self {
-            extras: [FULL_ORDER as u8; EXTRAS],
-            order: (BASE_ORDER as u32 + moving.count_ones()) as u8,
-        };
+        let mut layout = Self { extras: [FULL_ORDER as u8; EXTRAS] };
         let places = Self::NATURAL.extras.into_iter().enumerate().filter(|(bit, _)| moving >> bit & 1 != 0);
         for (extra, (_, place)) in layout.extras.iter_mut().zip(places) {
             *extra = place;
         }
         layout
-    }
-
-    /// Number of entries that move.
-    #[inline(always)]
-    pub const fn order(&self) -> usize {
-        self.order as usize
     }
 
     /// Place in the state of what an integrator carries at an index; `FULL_ORDER` where that is nothing.

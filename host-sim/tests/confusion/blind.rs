@@ -364,7 +364,7 @@ pub(crate) fn document() -> String {
          at random: faults (0.05 to 1 mm, 200 to 3000 N), effects of the catalogue at {FAINTEST} to {STRONGEST} times their floor \
          (see [confusion.md](confusion.md)) with either sign, or something outside it, half to twice as strong and as fast; \
          1 to 10 um of noise, half of the records in steps of half to three times that; a chirp of 3 to 10 mm and a mixed \
-         command of 1 to 5 s are fitted, 1 to 2 s of another command are held out. `cargo xtask blind {FIRST}` makes case {FIRST} anew.\n\n\
+         command of 1 to 5 s are fitted, 1 to 2 s of another command are held out. None of them was looked at before: development uses numbers below {FIRST}. `cargo xtask blind {FIRST}` makes case {FIRST} anew.\n\n\
          An effect counts where who knows the truth can see it: without it, the other true effects kept, the records fit worse by more than its price.\n\n"
     );
     let _ = writeln!(text, "| figure | wanted | {} | {} |\n|---|---|---|---|", SETS[0].name, SETS[1].name);
