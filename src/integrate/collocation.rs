@@ -166,7 +166,7 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Collocation<T, 
     ) -> Step<T> {
         let Some(ladder) = self.cache.ladder() else { return Step::exact(*state) };
         let Some(answers) = ladder.answers.get(level) else { return Step::exact(*state) };
-        let (force, layout) = (self.cache.force(force_rate), &self.cache.layout);
+        let (force, layout) = (self.cache.force(force_rate), self.cache.layout);
         let affine = |rung: usize| {
             ladder.rungs[rung].change(&self.cache.terms[rung], layout, state, input, force.as_ref())
         };
@@ -185,8 +185,8 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Collocation<T, 
                 answers.pressure_rate.middle.add(&mut there, pressure.values);
                 answers.pressure_rate.end.add(&mut then, pressure.values);
             }
-            let there = model.curved(mode, &state.moved(&there, layout));
-            let then = model.curved(mode, &state.moved(&then, layout));
+            let there = model.curved(mode, &state.moved(&there, &layout));
+            let then = model.curved(mode, &state.moved(&then, &layout));
             moved = force.improve(&answers.force, RAM_VELOCITY, [there.force, then.force]);
             if let Some(index) = pressure_index {
                 moved += pressure.improve(
@@ -206,7 +206,7 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Collocation<T, 
             answers.pressure_rate.end.add(&mut change, pressure.values);
             error += pressure.bend(&answers.pressure_rate);
         }
-        Step { state: state.moved(&change, layout), error: error / self.tolerance }
+        Step { state: state.moved(&change, &layout), error: error / self.tolerance }
     }
 }
 

@@ -42,7 +42,7 @@ impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Exact<T, 
         let (Some(rung), Some(terms)) = (rung, self.cache.terms.get(level)) else {
             return [T::ZERO; N];
         };
-        rung.change(terms, &self.cache.layout, state, input, self.cache.force(force_rate).as_ref())
+        rung.change(terms, self.cache.layout, state, input, self.cache.force(force_rate).as_ref())
     }
 }
 
@@ -102,7 +102,7 @@ impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Stepper<T
         if self.cache.units != Self::FINEST_PER_COARSEST || run.stride != Self::FINEST_PER_COARSEST {
             return 0;
         }
-        let layout = &self.cache.layout;
+        let layout = self.cache.layout;
         let (mut state, mut swing, mut has_margin) = (run.state, run.swing, run.has_margin);
         let mut here = corridor.watched(&state, &Input { command, ..Input::default() });
         let mut done = 0;
@@ -110,7 +110,7 @@ impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Stepper<T
             let command_rate = (next - command) * self.cache.sample_rate;
             // A mode with a corridor has no spring load.
             let there =
-                state.moved(&rung.change_anywhere(terms, layout, &state, here[ERROR], command_rate), layout);
+                state.moved(&rung.change_anywhere(terms, layout, &state, here[ERROR], command_rate), &layout);
             let input = Input { command: next, command_rate, force: T::ZERO };
             let after = corridor.watched(&there, &input);
             let change: Watched<T> = core::array::from_fn(|index| after[index] - here[index]);

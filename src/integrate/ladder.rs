@@ -66,7 +66,7 @@ impl<T: Real, const N: usize> Rung<T, N> {
     pub(super) fn change(
         &self,
         terms: &Terms<T, N>,
-        layout: &Layout,
+        layout: Layout,
         state: &State<T>,
         input: &Input<T>,
         force: Option<&Force<T, N>>,
@@ -92,7 +92,7 @@ impl<T: Real, const N: usize> Rung<T, N> {
     pub(super) fn change_anywhere(
         &self,
         terms: &Terms<T, N>,
-        layout: &Layout,
+        layout: Layout,
         state: &State<T>,
         error: T,
         command_rate: T,
@@ -102,7 +102,7 @@ impl<T: Real, const N: usize> Rung<T, N> {
             change[row] += terms.error[row] * error;
             change[row] += self.command_rate[row] * command_rate;
         }
-        for (index, (column, value)) in self.transition.iter().zip(state.leading::<N>(layout)).enumerate() {
+        for (index, (column, value)) in self.transition.iter().zip(state.leading::<N>(&layout)).enumerate() {
             if index != RAM {
                 for row in 0..N {
                     change[row] += column[row] * value;
