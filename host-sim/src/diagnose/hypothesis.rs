@@ -64,7 +64,7 @@ impl Hypothesis {
             covariance: fit.covariance(),
             evaluations: fit.evaluations,
         };
-        let rig = Rig { parameters: fit.parameters, ..case.rig.clone() };
+        let rig = fit.applied(case.rig);
         Self::validated(case, rig, ranges, train, Vec::new())
     }
 

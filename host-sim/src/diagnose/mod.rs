@@ -147,12 +147,7 @@ impl<'a> Case<'a> {
 
 /// Diagnoses a case. `watch` is told what is being done, and how much of it (0 to 1).
 pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f64) + Sync)) -> Diagnosis {
-    let mut ranges = case.rig.faults.clone();
-    for range in &case.rig.free {
-        if ranges.iter().all(|known| known.parameter != range.parameter) {
-            ranges.push(*range);
-        }
-    }
+    let ranges = case.rig.declared();
     watch("fitting the declared faults", 0.0);
     let mut before = fit::fit(case.rig, &ranges, case.train(), settings, |_| {});
     let root = Hypothesis::root(case, &before, ranges);
@@ -194,9 +189,12 @@ fn helpful(
     mut model: Hypothesis,
     mut earned: Vec<Earned>,
 ) -> (Hypothesis, Vec<Earned>) {
+    if case.holdout().is_empty() {
+        return (model, earned);
+    }
     let error = |rig: &Rig| score(rig, case.holdout()).position_rms;
-    let bare = Rig { parameters: before.parameters, ..case.rig.clone() };
-    while !case.holdout().is_empty() && error(&model.rig) > error(&bare) {
+    let without_any = error(&before.applied(case.rig));
+    while error(&model.rig) > without_any {
         let weakest = (0..earned.len()).min_by(|&a, &b| earned[a].evidence.total_cmp(&earned[b].evidence));
         let Some(weakest) = weakest else { break };
         model = model.without(case, earned.remove(weakest).effect);
@@ -257,8 +255,8 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned], o
         let series = residual::series(case.train(), &predictions, 0);
         residual::describe(&case.train()[0], &predictions[0], &series[0])
     });
-    let rig = Rig { parameters: before.parameters, ..case.rig.clone() };
-    let scores = |records: &[Prepared]| [score(&rig, records), score(&best.rig, records)];
+    let bare = before.applied(case.rig);
+    let scores = |records: &[Prepared]| [score(&bare, records), score(&best.rig, records)];
     Diagnosis {
         verdict,
         faults,

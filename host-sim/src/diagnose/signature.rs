@@ -3,11 +3,9 @@
 use super::residual;
 use crate::fit::{self, Prepared};
 use crate::rig::{Range, Rig};
+use eha_monitor::fit::gauss_newton::Settings;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-
-/// Width of the differences, in ranges.
-const DIFFERENCE: f64 = 2e-3;
 
 /// Residuals of records with what the free parameters can take away projected out, as far as they act linearly.
 pub(super) struct Signatures<'a> {
@@ -22,11 +20,12 @@ impl<'a> Signatures<'a> {
     /// Around the values that a rig has.
     pub(super) fn new(rig: &Rig, free: &[Range], records: &'a [Prepared]) -> Self {
         let residual = residual_of(rig, records);
+        let difference = Settings::<f64>::default().difference;
         let columns: Vec<DVector<f64>> = free
             .par_iter()
             .map(|range| {
                 let (here, width) =
-                    (rig.parameters.get(range.parameter), DIFFERENCE * (range.upper - range.lower));
+                    (rig.parameters.get(range.parameter), difference * (range.upper - range.lower));
                 let mut moved = rig.clone();
                 moved.parameters.set(
                     range.parameter,

@@ -108,6 +108,13 @@ pub struct Fit {
     pub inflation: f64,
 }
 
+impl Fit {
+    /// The rig with the parameters of the fit.
+    pub fn applied(&self, rig: &Rig) -> Rig {
+        Rig { parameters: self.parameters, ..rig.clone() }
+    }
+}
+
 /// A place that a search went to, and where the population stood after it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Visit {

@@ -7,7 +7,7 @@ use super::plot::Role;
 use super::rows::{Row, Rows, Shape};
 use super::scale::{Axis, shown};
 use crate::diagnose::{Diagnosis, Score, Verdict};
-use crate::fit::{self, Estimate, FitSettings, Prepared};
+use crate::fit::{self, Estimate, FitSettings, LoopScore, Prepared};
 use crate::record::Record;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::EffectInfo;
@@ -27,9 +27,15 @@ pub(crate) struct Diagnosed<'a> {
     pub(crate) names: &'a [String],
     /// The answer.
     pub(crate) diagnosis: &'a Diagnosis,
+    /// Errors in closed loop and over open windows, before and after, of each of the parts; none where the controller is
+    /// not known.
+    pub(crate) loops: &'a [Option<[LoopScore; 2]>; 2],
     /// The same as JSON: notes, next experiment, configuration.
     pub(crate) result: &'a Value,
 }
+
+/// The parts that the records of a diagnosis fall into.
+pub(crate) const PARTS: [&str; 2] = ["fitted records", "held-out records"];
 
 /// The report of a diagnosis, as an HTML file.
 pub(crate) fn diagnosis(case: &Diagnosed<'_>) -> String {
@@ -38,7 +44,7 @@ pub(crate) fn diagnosis(case: &Diagnosed<'_>) -> String {
         records.iter().map(|record| fit::prepare(case.rig, record)).collect()
     };
     let (train, holdout) = (prepare(case.train), prepare(case.holdout));
-    let before = Rig { parameters: diagnosis.before.parameters, ..case.rig.clone() };
+    let before = diagnosis.before.applied(case.rig);
     let held_out = [fit::predict(&before, &holdout), fit::predict(&diagnosis.rig, &holdout)];
     let changed = !diagnosis.found.is_empty();
     let compare = |records: &'static str, index: usize| {
@@ -60,14 +66,8 @@ pub(crate) fn diagnosis(case: &Diagnosed<'_>) -> String {
     let fitted: Vec<Compared<'_>> = (0..case.train.len()).map(|index| compare("fitted", index)).collect();
     let predicted: Vec<Compared<'_>> =
         (0..case.holdout.len()).map(|index| compare("held out", index)).collect();
-    let mut ranges = case.rig.faults.clone();
-    ranges.extend(
-        case.rig
-            .free
-            .iter()
-            .filter(|free| case.rig.faults.iter().all(|fault| fault.parameter != free.parameter)),
-    );
-    let mut sections = vec![("What was found", found(diagnosis, result))];
+    let ranges = case.rig.declared();
+    let mut sections = vec![("What was found", found(case))];
     sections.push((headings(diagnosis).0, estimates(diagnosis)));
     if !predicted.is_empty() {
         sections.push(("Held-out records", figures::records(&predicted)));
@@ -157,7 +157,8 @@ fn tiles(diagnosis: &Diagnosis) -> Vec<Tile> {
     tiles
 }
 
-fn found(diagnosis: &Diagnosis, result: &Value) -> Markup {
+fn found(case: &Diagnosed<'_>) -> Markup {
+    let (diagnosis, result) = (case.diagnosis, case.result);
     let rows: Vec<Vec<String>> = diagnosis
         .found
         .iter()
@@ -198,7 +199,7 @@ fn found(diagnosis: &Diagnosis, result: &Value) -> Markup {
     let next = result["next_experiment"].as_str().filter(|next| !next.is_empty());
     html! {
         (errors(diagnosis))
-        (closed_loop(result))
+        (closed_loop(case.loops))
         (remarks("What to measure next", &[next.unwrap_or("Nothing is open.").to_owned()]))
         @if !rows.is_empty() {
             (table("Effects that were added", &equations.join("; "),
@@ -222,29 +223,28 @@ fn left_words(left: &crate::diagnose::residual::Description) -> Vec<String> {
     words
 }
 
+/// A number before and after, of each part that has it.
+fn of_parts<S: Copy>(
+    scores: &[Option<[S; 2]>; 2],
+    number: impl Fn(S) -> Option<f64>,
+) -> Vec<(&'static str, [f64; 2])> {
+    let numbers = |scores: &Option<[S; 2]>| {
+        let [before, after] = (*scores)?;
+        Some([number(before)?, number(after)?])
+    };
+    PARTS.into_iter().zip(scores).filter_map(|(part, scores)| Some((part, numbers(scores)?))).collect()
+}
+
 fn errors(diagnosis: &Diagnosis) -> Markup {
-    let mut groups = vec![("fitted records", diagnosis.train)];
-    groups.extend(diagnosis.holdout.map(|scores| ("held-out records", scores)));
-    let groups: Vec<_> =
-        groups.into_iter().map(|(name, scores)| (name, scores.map(|score| score.position_rms))).collect();
+    let groups = of_parts(&[Some(diagnosis.train), diagnosis.holdout], |score| Some(score.position_rms));
     let noise = Some(diagnosis.noise[0]);
     bars("Error of the user position, before and after", ("residual, rms", "m"), &groups, noise, true)
 }
 
 /// Errors of an axis whose controller is known.
-fn closed_loop(result: &Value) -> Markup {
-    let group = |name: &str, scale: f64| -> Vec<(&'static str, [f64; 2])> {
-        let number = |records: &str, when: &str| {
-            Some(result["closed_loop"][records][format!("{when}_{name}")].as_f64()? * scale)
-        };
-        [("train", "fitted records"), ("holdout", "held-out records")]
-            .into_iter()
-            .filter_map(|(records, title)| {
-                Some((title, [number(records, "before")?, number(records, "after")?]))
-            })
-            .collect()
-    };
-    let (force, open) = (group("force_error", 100.0), group("open_loop_rms_m", 1.0));
+fn closed_loop(loops: &[Option<[LoopScore; 2]>; 2]) -> Markup {
+    let force = of_parts(loops, |score| Some(score.force_error * 100.0));
+    let open = of_parts(loops, |score| score.open_loop_rms);
     html! {
         @if !force.is_empty() {
             (bars("Force in closed loop, before and after", ("error over recorded force", "%"), &force, None, open.is_empty()))

@@ -31,7 +31,7 @@ pub(super) struct Surface {
 impl Surface {
     /// The surface over two ranges around a fit; none where it would take too long.
     pub(super) fn over(ranges: [Range; 2], rig: &Rig, fit: &Fit, records: &[Prepared]) -> Option<Self> {
-        let rig = Rig { parameters: fit.parameters, ..rig.clone() };
+        let rig = fit.applied(rig);
         let samples: usize = records.iter().map(Prepared::len).sum();
         let engine = on_records(&rig, &ranges, records, FIT_TOLERANCE, Which);
         let most = if engine.is_affine { AFFINE_SAMPLES } else { CURVED_SAMPLES };

@@ -103,6 +103,15 @@ impl Rig {
             .collect()
     }
 
+    /// What a diagnosis fits before it adds anything: the faults, then the other free parameters.
+    pub fn declared(&self) -> Vec<Range> {
+        let mut ranges = self.faults.clone();
+        ranges.extend(
+            self.free.iter().filter(|free| self.faults.iter().all(|fault| fault.parameter != free.parameter)),
+        );
+        ranges
+    }
+
     /// The same in open loop.
     #[must_use]
     pub fn opened(&self) -> Self {

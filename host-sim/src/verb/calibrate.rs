@@ -4,7 +4,7 @@ use super::{FitOptions, converged, fit_records, identify};
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::output;
-use crate::rig::{self, Rig};
+use crate::rig;
 
 /// Rig that is calibrated unless the user names one.
 const DEFAULT_RIG: &str = "servo-hydraulic";
@@ -31,7 +31,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     converged(&fitted.fit)?;
     identify::save(common, &fitted, &result, "calibrate.json", "Calibration")?;
     if let Some(path) = output::out_path(common, "rig.toml") {
-        let calibrated = Rig { parameters: fitted.fit.parameters, ..fitted.rig };
+        let calibrated = fitted.fit.applied(&fitted.rig);
         let comments = [
             format!("calibrated on {} by host-sim {}", fitted.names.join(", "), env!("CARGO_PKG_VERSION")),
             format!(

@@ -59,10 +59,10 @@ pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
     let holdout = records.split_off(2);
     let names = FLIGHTS.iter().map(|(command, role)| format!("{command} ({role})")).collect();
     let job = Job { common, rig, train: records, holdout, names };
-    let (diagnosis, result) = job.run()?;
-    job.save(&diagnosis, &result, None)?;
+    let answer = job.run()?;
+    job.save(&answer, None)?;
     if common.json {
-        output::print_json(&result)?;
+        output::print_json(&answer.result)?;
         return interrupt::check();
     }
     let truth: Vec<String> = TRUTH
@@ -74,7 +74,7 @@ pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
     let text = format!(
         "the actuator of the example (unknown to the monitor): {}\n\n{}",
         truth.join(", "),
-        job.text(&diagnosis, &result).trim_end()
+        job.text(&answer).trim_end()
     );
     let path = directory.join("report.txt");
     output::write_file(&path, text.as_bytes())?;

@@ -8,7 +8,7 @@ use crate::fit::{self, Estimate, FitSettings, LoopScore, Prepared};
 use crate::interrupt;
 use crate::output::{self, SCHEMA};
 use crate::record::Record;
-use crate::report::{self, Diagnosed};
+use crate::report::{self, Diagnosed, PARTS};
 use crate::rig::{self, Rig};
 use crate::trace::Trace;
 use comfy_table::Table;
@@ -51,13 +51,13 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         options.records.iter().chain(&options.holdout).map(|path| path.display().to_string()).collect();
     interrupt::watch()?;
     let job = Job { common, rig, train, holdout, names };
-    let (diagnosis, result) = job.run()?;
-    job.save(&diagnosis, &result, options.prediction.as_deref())?;
-    super::save_trace(common, options.trace.as_deref(), || job.trace(&diagnosis))?;
+    let answer = job.run()?;
+    job.save(&answer, options.prediction.as_deref())?;
+    super::save_trace(common, options.trace.as_deref(), || job.trace(&answer.diagnosis))?;
     if common.json {
-        output::print_json(&result)?;
+        output::print_json(&answer.result)?;
     } else {
-        output::print(job.text(&diagnosis, &result).trim_end())?;
+        output::print(job.text(&answer).trim_end())?;
     }
     interrupt::check()
 }
@@ -71,8 +71,17 @@ pub(super) struct Job<'a> {
     pub(super) names: Vec<String>,
 }
 
+/// What a diagnosis gave.
+pub(super) struct Answer {
+    pub(super) diagnosis: Diagnosis,
+    /// Errors of an axis whose controller is known, before and after, of the fitted and the held-out records.
+    loops: [Option<[LoopScore; 2]>; 2],
+    /// All of it as JSON.
+    pub(super) result: Value,
+}
+
 impl Job<'_> {
-    pub(super) fn run(&self) -> Result<(Diagnosis, Value), Failure> {
+    pub(super) fn run(&self) -> Result<Answer, Failure> {
         let started = Instant::now();
         let records: Vec<Prepared> =
             self.train.iter().chain(&self.holdout).map(|record| fit::prepare(&self.rig, record)).collect();
@@ -90,23 +99,22 @@ impl Job<'_> {
             bar.set_message(what.to_owned());
         });
         bar.finish_and_clear();
-        let result = self.json(&diagnosis, started.elapsed().as_secs_f64());
-        Ok((diagnosis, result))
+        let loops = self.loop_scores(&diagnosis);
+        let result = self.json(&diagnosis, &loops, started.elapsed().as_secs_f64());
+        Ok(Answer { diagnosis, loops, result })
     }
 
     /// Errors in closed loop and over open windows, before and after, of the fitted and the held-out records; none
     /// where the controller is not known.
-    fn loop_scores(&self, diagnosis: &Diagnosis) -> Vec<(&'static str, [LoopScore; 2])> {
-        let before = Rig { parameters: diagnosis.before.parameters, ..self.rig.clone() };
-        let records = [("train", &self.train), ("holdout", &self.holdout)];
-        let scores = |records: &[Record]| {
+    fn loop_scores(&self, diagnosis: &Diagnosis) -> [Option<[LoopScore; 2]>; 2] {
+        let before = diagnosis.before.applied(&self.rig);
+        [&self.train, &self.holdout].map(|records| {
             let score = |rig: &Rig| fit::loop_score(rig, records);
             Some([score(&before)?, score(&diagnosis.rig)?])
-        };
-        records.into_iter().filter_map(|(name, records)| Some((name, scores(records)?))).collect()
+        })
     }
 
-    fn json(&self, diagnosis: &Diagnosis, seconds: f64) -> Value {
+    fn json(&self, diagnosis: &Diagnosis, loops: &[Option<[LoopScore; 2]>; 2], seconds: f64) -> Value {
         let pair = |scores: &[Score; 2]| json!({ "before_rms_m": output::number(scores[0].position_rms), "after_rms_m": output::number(scores[1].position_rms) });
         let estimates =
             |estimates: &[Estimate]| estimates.iter().map(output::estimate_json).collect::<Vec<_>>();
@@ -137,7 +145,6 @@ impl Job<'_> {
                 row
             })
             .collect();
-        let ranges = [self.rig.faults.clone(), self.rig.free.clone()].concat();
         json!({
             "schema": SCHEMA,
             "verdict": diagnosis.verdict.name(),
@@ -153,14 +160,15 @@ impl Job<'_> {
                 "holdout": diagnosis.holdout.as_ref().map(pair),
             },
             "closed_loop": self.rig.controller.map(|_| {
-                let rows = self.loop_scores(diagnosis).into_iter().map(|(name, [before, after])| {
+                let rows = ["train", "holdout"].into_iter().zip(loops).filter_map(|(name, scores)| {
+                    let [before, after] = (*scores)?;
                     let rms = |score: LoopScore| score.open_loop_rms.map(output::number);
-                    (name.to_owned(), json!({
+                    Some((name.to_owned(), json!({
                         "before_force_error": output::number(before.force_error),
                         "after_force_error": output::number(after.force_error),
                         "before_open_loop_rms_m": rms(before),
                         "after_open_loop_rms_m": rms(after),
-                    }))
+                    })))
                 });
                 rows.collect::<serde_json::Map<_, _>>()
             }),
@@ -173,16 +181,12 @@ impl Job<'_> {
             "warnings": warnings(diagnosis),
             "seconds": seconds,
             "seed": self.common.seed,
-            "config": output::config_json(self.common, &self.rig, &ranges, &self.names),
+            "config": output::config_json(self.common, &self.rig, &self.rig.declared(), &self.names),
         })
     }
 
-    pub(super) fn save(
-        &self,
-        diagnosis: &Diagnosis,
-        result: &Value,
-        prediction: Option<&Path>,
-    ) -> Result<(), Failure> {
+    pub(super) fn save(&self, answer: &Answer, prediction: Option<&Path>) -> Result<(), Failure> {
+        let Answer { diagnosis, loops, result } = answer;
         if let Some(path) = output::out_path(self.common, "rig.toml") {
             let effects: Vec<&str> = diagnosis.rig.effects.iter().map(|effect| effect.name).collect();
             let comments = [
@@ -210,6 +214,7 @@ impl Job<'_> {
                 holdout: &self.holdout,
                 names: &self.names,
                 diagnosis,
+                loops,
                 result,
             })
         })?;
@@ -234,25 +239,23 @@ impl Job<'_> {
     }
 
     /// The errors of an axis whose controller is known.
-    fn closed_loop_text(&self, result: &Value, text: &mut String) {
-        let Some(rows) = result["closed_loop"].as_object().filter(|rows| !rows.is_empty()) else { return };
+    fn closed_loop_text(&self, loops: &[Option<[LoopScore; 2]>; 2], text: &mut String) {
+        if loops.iter().all(Option::is_none) {
+            return;
+        }
         let window =
             self.rig.restart_s.map_or(String::new(), |seconds| format!("; open loop over {seconds} s"));
         let _ = writeln!(text, "\nforce in closed loop, error over recorded{window}:");
-        let number = |row: &Value, name: &str| row[name].as_f64().unwrap_or(f64::NAN);
-        for (name, row) in rows {
-            let name = if name == "train" { "fitted records" } else { "held-out records" };
-            for when in ["before", "after"] {
-                let force = number(row, &format!("{when}_force_error")) * 100.0;
-                let open = number(row, &format!("{when}_open_loop_rms_m"));
-                let _ = write!(text, "  {name:<17} {when:<7}{force:>8.2} %");
-                let open = if open.is_finite() { format!("{:>12.3} mm", open * 1e3) } else { String::new() };
-                let _ = writeln!(text, "{open}");
+        for (part, scores) in PARTS.into_iter().zip(loops) {
+            for (when, score) in ["before", "after"].into_iter().zip(scores.iter().flatten()) {
+                let open = score.open_loop_rms.map_or(String::new(), |rms| format!("{:>12.3} mm", rms * 1e3));
+                let _ = writeln!(text, "  {part:<17} {when:<7}{:>8.2} %{open}", score.force_error * 100.0);
             }
         }
     }
 
-    pub(super) fn text(&self, diagnosis: &Diagnosis, result: &Value) -> String {
+    pub(super) fn text(&self, answer: &Answer) -> String {
+        let Answer { diagnosis, loops, result } = answer;
         let mut text = String::new();
         let um = |value: f64| format!("{:.3} um", value * 1e6);
         let _ = writeln!(text, "verdict: {}", diagnosis.verdict.name());
@@ -286,22 +289,20 @@ impl Job<'_> {
             }
         }
         let _ = writeln!(text, "\nerror of the user position (noise {}):", um(diagnosis.noise[0]));
-        let mut rows = vec![("fitted records", diagnosis.train)];
-        rows.extend(diagnosis.holdout.map(|scores| ("held-out records", scores)));
-        let largest =
-            rows.iter().flat_map(|(_, scores)| scores).map(|score| score.position_rms).fold(0.0, f64::max);
-        for (name, scores) in rows {
-            for (when, score) in ["before", "after"].into_iter().zip(scores) {
+        let scores = [Some(diagnosis.train), diagnosis.holdout];
+        let largest = scores.iter().flatten().flatten().map(|score| score.position_rms).fold(0.0, f64::max);
+        for (part, scores) in PARTS.into_iter().zip(scores) {
+            for (when, score) in ["before", "after"].into_iter().zip(scores.iter().flatten()) {
                 let length = (score.position_rms / largest * 40.0).round().max(1.0) as usize;
                 let _ = writeln!(
                     text,
-                    "  {name:<17} {when:<7}{:>12}  {}",
+                    "  {part:<17} {when:<7}{:>12}  {}",
                     um(score.position_rms),
                     "#".repeat(length)
                 );
             }
         }
-        self.closed_loop_text(result, &mut text);
+        self.closed_loop_text(loops, &mut text);
         for table in tables(diagnosis) {
             let _ = writeln!(text, "\n{table}");
         }

@@ -7,7 +7,6 @@ use crate::failure::Failure;
 use crate::fit::{self, Fit, LoopScore};
 use crate::output::{self, SCHEMA, counted, quantity};
 use crate::report::{self, Identified};
-use crate::rig::Rig;
 use crate::trace::Trace;
 use serde_json::{Value, json};
 
@@ -79,7 +78,7 @@ pub(super) fn save(
 
 /// Errors of the fitted model in closed loop and over open windows, where the controller is known.
 fn loop_score(fitted: &Fitted) -> Option<LoopScore> {
-    let rig = Rig { parameters: fitted.fit.parameters, ..fitted.rig.clone() };
+    let rig = fitted.fit.applied(&fitted.rig);
     fit::loop_score(&rig, &fitted.records)
 }
 

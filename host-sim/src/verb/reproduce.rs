@@ -230,7 +230,7 @@ fn closed_loop(common: &Common) -> Result<Rig, Failure> {
         holdout: vec![healthy("mixed-step", common.seed + 2)?],
         names: Vec::new(),
     };
-    Ok(job.run()?.0.rig)
+    Ok(job.run()?.diagnosis.rig)
 }
 
 fn print_cases(results: &[Outcome]) -> Result<(), Failure> {
