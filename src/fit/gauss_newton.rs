@@ -4,7 +4,7 @@
 //! together, a few samples at a time, so no trace is stored. A neighbour that differs in its output only (backlash,
 //! LVDT) follows the motion of the model and costs no simulation.
 
-use super::problem::{Compared, MEASURED, Misfit, Problem, Record};
+use super::problem::{Compared, MEASURED, Misfit, Offset, Problem, Record};
 use super::walk::Walk;
 use crate::integrate::Stepper;
 use crate::model::Model;
@@ -117,6 +117,7 @@ where
                 *follower = None;
             }
         }
+        let mut level = Level::<T, GENES>::new();
         loop {
             let mut chunk = Chunk::<T, GENES>::new();
             chunk.fill_base(record, &mut walk, select(steppers, 0, shared), &walks, &mut followers);
@@ -136,10 +137,49 @@ where
             if shared {
                 select(steppers, 0, shared).begin(record.sample_period, has_force, dynamic);
             }
-            chunk.accumulate(&mut normal, &widths, active);
+            chunk.accumulate(&mut normal, &mut level, &widths, active);
+        }
+        if record.offset_unknown {
+            level.remove_from(&mut normal, active);
         }
     }
     normal
+}
+
+/// Sums of a record's user position: residual, and its slope along each gene.
+struct Level<T, const GENES: usize> {
+    residual: T,
+    slope: [T; GENES],
+    count: u32,
+}
+
+impl<T: Real + RealField, const GENES: usize> Level<T, GENES> {
+    const fn new() -> Self {
+        Self { residual: T::ZERO, slope: [T::ZERO; GENES], count: 0 }
+    }
+
+    fn add(&mut self, residual: T, slope: &[T; GENES]) {
+        self.residual += residual;
+        self.count += 1;
+        for (sum, &slope) in self.slope.iter_mut().zip(slope) {
+            *sum += slope;
+        }
+    }
+
+    /// Takes out of normal equations what an unknown offset takes away: the means.
+    fn remove_from(&self, normal: &mut Normal<T, GENES>, active: usize) {
+        if self.count == 0 {
+            return;
+        }
+        let mean = |sum: T| sum / T::from_count(self.count);
+        normal.misfit.chi_square -= self.residual * mean(self.residual);
+        for row in 0..active {
+            normal.gradient[row] -= self.slope[row] * mean(self.residual);
+            for column in 0..active {
+                normal.curvature[(row, column)] -= self.slope[row] * mean(self.slope[column]);
+            }
+        }
+    }
 }
 
 /// Does a gene change the output of the motion only? Its neighbour then follows the base model.
@@ -230,9 +270,17 @@ impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
         });
     }
 
-    fn accumulate(&self, normal: &mut Normal<T, GENES>, widths: &[T; GENES], active: usize) {
+    fn accumulate(
+        &self,
+        normal: &mut Normal<T, GENES>,
+        level: &mut Level<T, GENES>,
+        widths: &[T; GENES],
+        active: usize,
+    ) {
         for place in self.samples.iter().take(self.filled) {
-            for (&(residual, used), neighbours) in place.base.iter().zip(&place.neighbours) {
+            for (channel, (&(residual, used), neighbours)) in
+                place.base.iter().zip(&place.neighbours).enumerate()
+            {
                 if !used {
                     continue;
                 }
@@ -241,6 +289,9 @@ impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
                 let slope: [T; GENES] = core::array::from_fn(|gene| {
                     if gene < active { (residual - neighbours[gene]) / widths[gene] } else { T::ZERO }
                 });
+                if channel == Offset::<T>::CHANNEL {
+                    level.add(residual, &slope);
+                }
                 for row in 0..active {
                     normal.gradient[row] += slope[row] * residual;
                     for column in 0..=row {

@@ -49,6 +49,9 @@ pub struct Record<'a, T> {
     pub starts: &'a [Start<T>],
     /// Samples at the start of each stretch that are not compared, while the start is forgotten.
     pub settle: usize,
+    /// Do command and user position differ by an unknown constant? The mean of the user position's residual is then not
+    /// compared: it is that constant's best value.
+    pub offset_unknown: bool,
 }
 
 impl<'a, T: Real> Record<'a, T> {
@@ -65,6 +68,7 @@ impl<'a, T: Real> Record<'a, T> {
             stretch: command.len().max(1),
             starts: core::slice::from_ref(start),
             settle: 0,
+            offset_unknown: false,
         }
     }
 
@@ -175,6 +179,35 @@ impl<T: Real> Compared<'_, T> {
     }
 }
 
+/// Residual of a record's user position, summed: what an unknown offset can take away of chi-square, and what is to be
+/// added to the prediction then.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Offset<T> {
+    sum: T,
+    count: u32,
+}
+
+impl<T: Real> Offset<T> {
+    /// Place of the user position among the measured channels.
+    pub const CHANNEL: usize = 0;
+
+    /// Adds the residual of a sample.
+    pub fn add(&mut self, residual: T) {
+        self.sum += residual;
+        self.count += 1;
+    }
+
+    /// Mean of the residual; 0 where there is none.
+    pub fn mean(&self) -> T {
+        if self.count == 0 { T::ZERO } else { self.sum / T::from_count(self.count) }
+    }
+
+    /// Part of the sum of squares that the mean makes.
+    pub fn square(&self) -> T {
+        self.sum * self.mean()
+    }
+}
+
 /// Sum of squares of the residual in units of its noise, and how many samples it is made of.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Misfit<T> {
@@ -217,7 +250,7 @@ impl<T: Real> Problem<'_, T> {
     }
 
     /// The same, given up as soon as chi-square is above a bound: what has been summed by then. Further samples could
-    /// only add to it.
+    /// only add to it, also where an offset is unknown: the best one for more samples is no better for fewer.
     pub fn misfit_within<S: Stepper<T>>(&self, genes: &[T], stepper: &mut S, bound: T) -> Misfit<T> {
         let model = self.model(genes);
         let mut misfit = Misfit { chi_square: T::ZERO, count: 0 };
@@ -227,6 +260,7 @@ impl<T: Real> Problem<'_, T> {
             rig_changed = false;
             let mut walk = Walk::new(&model, record);
             let compared = record.compared();
+            let mut offset = Offset { sum: T::ZERO, count: 0 };
             while walk.has_next(record) {
                 walk.lead_on(record, stepper, &mut [], BETWEEN_LOOKS, |sample, outputs, _| {
                     if !record.is_compared(sample) {
@@ -236,12 +270,19 @@ impl<T: Real> Problem<'_, T> {
                         if let Some(residual) = compared.residual(channel, sample, outputs) {
                             misfit.chi_square += residual * residual;
                             misfit.count += 1;
+                            if record.offset_unknown && channel == Offset::<T>::CHANNEL {
+                                offset.add(residual);
+                            }
                         }
                     }
                 });
-                if misfit.chi_square > bound {
-                    return misfit;
+                if misfit.chi_square - offset.square() > bound {
+                    break;
                 }
+            }
+            misfit.chi_square -= offset.square();
+            if misfit.chi_square > bound {
+                return misfit;
             }
         }
         misfit

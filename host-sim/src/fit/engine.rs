@@ -2,7 +2,7 @@
 
 use super::{MAX_FREE, Prepared};
 use crate::rig::{Range, Rig};
-use eha_monitor::fit::problem::{Free, Problem};
+use eha_monitor::fit::problem::{Free, Offset, Problem, Record};
 use eha_monitor::fit::walk::Walk;
 use eha_monitor::integrate::Stepper;
 use eha_monitor::integrate::collocation::Collocation;
@@ -94,7 +94,8 @@ pub fn on_records<J: Job>(
     }
 }
 
-/// What the model of some genes predicts, sample by sample, for each record.
+/// What the model of some genes predicts, sample by sample, for each record; where the record's offset is unknown, with
+/// its best value.
 pub fn trace<S: Stepper<f64>>(
     problem: &Problem<'_, f64>,
     genes: &[f64],
@@ -107,7 +108,27 @@ pub fn trace<S: Stepper<f64>>(
         .map(|record| {
             stepper.begin(record.sample_period, record.has_force(), true);
             let mut walk = Walk::new(&model, record);
-            std::iter::from_fn(|| walk.next(record, stepper).map(|(_, outputs)| outputs)).collect()
+            let mut outputs: Vec<_> =
+                std::iter::from_fn(|| walk.next(record, stepper).map(|(_, outputs)| outputs)).collect();
+            if record.offset_unknown {
+                let offset = offset_of(record, &outputs);
+                for outputs in &mut outputs {
+                    outputs.user += offset;
+                }
+            }
+            outputs
         })
         .collect()
+}
+
+/// The offset of a record that brings a prediction closest to it, m.
+fn offset_of(record: &Record<'_, f64>, outputs: &[Outputs<f64>]) -> f64 {
+    let measured = record.measured[Offset::<f64>::CHANNEL];
+    let mut offset = Offset::default();
+    for (sample, (measured, outputs)) in measured.iter().zip(outputs).enumerate() {
+        if record.is_compared(sample) && measured.is_finite() {
+            offset.add(measured - outputs.user);
+        }
+    }
+    offset.mean()
 }

@@ -39,6 +39,7 @@ pub struct Prepared {
     starts: Vec<Start<f64>>,
     stretch: usize,
     settle: usize,
+    offset_unknown: bool,
     law: Option<Law<f64>>,
     holds: bool,
     drive: Vec<f64>,
@@ -58,6 +59,7 @@ impl Prepared {
             stretch: self.stretch,
             starts: &self.starts,
             settle: self.settle,
+            offset_unknown: self.offset_unknown,
         }
     }
 
@@ -99,6 +101,7 @@ impl Prepared {
             starts: at.iter().map(start).collect(),
             stretch,
             settle,
+            offset_unknown: self.offset_unknown,
         })
     }
 
@@ -219,6 +222,7 @@ pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepa
         starts,
         stretch,
         settle,
+        offset_unknown: rig.command_offset,
         law,
         holds: rig.drive_holds,
         drive,

@@ -24,7 +24,7 @@ pub const BUILT_IN: [BuiltIn; 3] = [
     },
     BuiltIn {
         name: "servo-hydraulic",
-        description: "a servo-hydraulic machine in a position loop: first-order valve; loop gain, valve lag, offset free",
+        description: "a servo-hydraulic machine in a position loop: first-order valve; loop gain and valve lag free",
         make: servo_hydraulic,
     },
     BuiltIn {
@@ -80,7 +80,6 @@ fn servo_hydraulic() -> Rig {
         free: vec![
             range(Parameter::ProportionalGain, 100.0, 50_000.0),
             range(Parameter::ValveBandwidth, 20.0, 2000.0),
-            range(Parameter::CurrentOffset, -2.0, 2.0),
         ],
         effects: Vec::new(),
         command_offset: true,
