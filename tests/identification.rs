@@ -290,26 +290,26 @@ fn an_offset_that_is_known_to_be_unknown_is_no_misfit() {
     // The size of the offset makes no difference, and the mean of what is left is not counted.
     let same = with(&clean, true);
     let here = problem(&unknown);
-    let mut stepper = Stepper::new();
+    let mut steppers = vec![Stepper::new()];
     for genes in [[0.13, 0.11], [0.1, 0.2], [0.3, 0.05]] {
-        let mut misfit = |problem: &Problem<'_, f64>| problem.misfit(&genes, &mut stepper).chi_square;
+        let mut misfit = |problem: &Problem<'_, f64>| problem.misfit(&genes, &mut steppers[0]).chi_square;
         let (full, of_clean) = (misfit(&here), misfit(&problem(&same)));
         assert!((full / of_clean - 1.0).abs() < 1e-6, "{full} and {of_clean}");
         assert!(full < misfit(&problem(&with(&clean, false))));
-        let normal = gauss_newton::normal_equations(&here, &genes, 2e-3, &mut [Stepper::new()]);
+        let normal = gauss_newton::normal_equations(&here, &genes, 2e-3, &mut steppers);
         assert!((normal.misfit.chi_square / full - 1.0).abs() < 1e-9);
         // A candidate is given up where, and only where, the whole of it is above the bound.
         for share in [0.1, 0.9, 1.1] {
             let bound = share * full;
-            let within = here.misfit_within(&genes, &mut stepper, bound).chi_square;
+            let within = here.misfit_within(&genes, &mut steppers[0], bound).chi_square;
             assert_eq!(within > bound, share < 1.0, "{within} of {full}, bound {bound}");
         }
     }
     // The slope of what is counted: half the change of chi-square over a small step.
     let (low, high) = ([0.1, 0.2], [0.1, 0.2001]);
-    let mut misfit = |genes: &[f64; 2]| here.misfit(genes, &mut stepper).chi_square;
+    let mut misfit = |genes: &[f64; 2]| here.misfit(genes, &mut steppers[0]).chi_square;
     let slope = 0.5 * (misfit(&low) - misfit(&high)) / 1e-4;
-    let normal = gauss_newton::normal_equations(&here, &low, 1e-4, &mut [Stepper::new()]);
+    let normal = gauss_newton::normal_equations(&here, &low, 1e-4, &mut steppers);
     let foreseen = normal.gradient[1] - 0.5e-4 * normal.curvature[(1, 1)];
     assert!((foreseen / slope - 1.0).abs() < 1e-6, "{foreseen} and {slope}");
 }

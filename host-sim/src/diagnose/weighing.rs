@@ -3,6 +3,7 @@
 use super::Case;
 use super::hypothesis::Hypothesis;
 use super::residual::{self, MEASURED, MODEL_ERROR};
+use crate::fit::SMALLEST_NOISE;
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::model::state::Outputs;
 use rayon::prelude::*;
@@ -65,25 +66,28 @@ impl Hypothesis {
             residual::correlation_time(case.holdout(), &self.predictions[case.fitted..])
         };
         let earns = |earned: &Earned| {
-            self.earns(case, earned, HOLDOUT_CHANCE * repeats)
+            self.earns(earned, HOLDOUT_CHANCE * repeats)
+                && self.matters_against(case, &earned.without, noise_only)
                 && (noise_only || self.gains_everywhere(case, &earned.without))
         };
         let idle = all.iter().filter(|earned| !earns(earned));
         idle.min_by(|a, b| a.evidence.total_cmp(&b.evidence))
     }
 
-    /// Is an effect significant, does it matter, and do the held-out records agree, but for a rise of their chi-square
-    /// that chance explains?
-    fn earns(&self, case: &Case<'_>, earned: &Earned, chance: f64) -> bool {
+    /// Is an effect significant, and do the held-out records agree, but for a rise of their chi-square that chance
+    /// explains?
+    fn earns(&self, earned: &Earned, chance: f64) -> bool {
         let without = &earned.without;
         let held_out = |model: &Self| model.joint.misfit.chi_square - model.train.misfit.chi_square;
         let harm = (held_out(self) - held_out(without)) / self.scale();
-        earned.evidence > 0.0 && harm < chance && self.matters_against(case, without)
+        earned.evidence > 0.0 && harm < chance
     }
 
     /// Does it change the prediction of a record by more than the model's own error, or move a fault by more than its
-    /// error?
-    fn matters_against(&self, case: &Case<'_>, without: &Self) -> bool {
+    /// error? Where what is left is not noise it is no name, just a help for prediction: what is believed of a channel is
+    /// bar enough.
+    fn matters_against(&self, case: &Case<'_>, without: &Self, noise_only: bool) -> bool {
+        let bar = if noise_only { MODEL_ERROR } else { SMALLEST_NOISE };
         let changes = case.records.iter().zip(&without.predictions).zip(&self.predictions).any(
             |((record, without), with)| {
                 (0..MEASURED).any(|channel| {
@@ -92,7 +96,7 @@ impl Hypothesis {
                     };
                     let sum: f64 = without.iter().zip(with).map(change).sum();
                     record.noise[channel].is_finite()
-                        && (sum / record.len().max(1) as f64).sqrt() > MODEL_ERROR[channel]
+                        && (sum / record.len().max(1) as f64).sqrt() > bar[channel]
                 })
             },
         );

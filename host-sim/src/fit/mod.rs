@@ -7,7 +7,9 @@ mod polish;
 mod prepare;
 
 pub use closed_loop::{LoopScore, loop_score};
-pub use noise::{NoiseSource, correlation_time, noise_of, noise_source, pooled, quantum, residual_series};
+pub use noise::{
+    NoiseSource, SMALLEST_NOISE, correlation_time, noise_of, noise_source, pooled, quantum, residual_series,
+};
 pub use polish::{Polished, approach, foresee, misfit, polish};
 pub use prepare::{Prepared, prepare, prepare_with};
 

@@ -10,7 +10,7 @@ const MEASURED: usize = Channel::MEASURED.len();
 
 /// Noise below which a channel is not believed: the model's own numerical error, 0.1 um of position, and what that is
 /// in the other channels of the source's actuator.
-const SMALLEST: [f64; MEASURED] = [1e-7, 1e-7, 1e-3, 1e3];
+pub const SMALLEST_NOISE: [f64; MEASURED] = [1e-7, 1e-7, 1e-3, 1e3];
 
 /// Where the noise of a channel comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,7 +29,7 @@ pub fn noise_of(rig: &Rig, record: &Recorded) -> [f64; MEASURED] {
     std::array::from_fn(|index| {
         let channel = Channel::MEASURED[index];
         record.channel(channel).map_or(f64::INFINITY, |values| {
-            rig.noise_of(channel).unwrap_or_else(|| of_series(values).max(SMALLEST[index]))
+            rig.noise_of(channel).unwrap_or_else(|| of_series(values).max(SMALLEST_NOISE[index]))
         })
     })
 }

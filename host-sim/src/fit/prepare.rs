@@ -17,7 +17,7 @@ const START_SAMPLES: usize = 5;
 const START_SIGMA: f64 = 4.0;
 /// Time after which a closed loop has forgotten a start that was only measured, s.
 const SETTLE_S: f64 = 0.1;
-/// Time at the start of a record from which an offset of the command is taken, s.
+/// Time at the start of a record from which a first value of an offset of the command is taken, s.
 const OFFSET_S: f64 = 0.5;
 /// Pieces that are cut from a long record, their length, s, and how much of it is not compared, s.
 const PIECES: usize = 8;
@@ -158,7 +158,8 @@ pub fn prepare(rig: &Rig, record: &Record) -> Prepared {
 
 /// Makes a record ready for a rig, given the noise of its measured channels.
 ///
-/// Where the rig says that commands carry an offset, it is removed.
+/// Where the rig says that commands carry an offset, what the first half second shows of it is removed; the rest is the
+/// fit's.
 ///
 /// A closed loop starts at rest where the command is, if the first sample agrees with that (the next ones may be moving
 /// already); else where the first samples are, and the first 0.1 s is not compared. An open loop starts anew from the

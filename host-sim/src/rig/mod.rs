@@ -71,8 +71,8 @@ pub struct Rig {
     pub free: Vec<Range>,
     /// Effects that were added to the model.
     pub effects: Vec<&'static EffectInfo>,
-    /// The command of each record carries an unknown constant offset against the position: it is taken from the first
-    /// half second and removed. False where such an offset would be a finding.
+    /// The command of each record carries an unknown constant offset against the position: it is fitted with everything
+    /// else, one for each record. False where such an offset would be a finding.
     pub command_offset: bool,
     /// Open loop: the model starts anew from the measured state every so many seconds.
     pub restart_s: Option<f64>,
