@@ -1,4 +1,5 @@
-//! The guides in `docs`: every command in them is run, in the order of the page.
+//! The guides in `docs`: every command in them is run, in the order of the page. And the README: what it shows of the demo is
+//! what the demo prints.
 
 use super::harness::Bench;
 use std::path::{Path, PathBuf};
@@ -71,4 +72,17 @@ fn the_guide_for_firmware_ends_with_reports_from_the_board() {
             assert!(output.contains(part), "{part}: {output}");
         }
     }
+}
+
+#[test]
+fn the_readme_shows_what_the_demo_prints() {
+    let bench = Bench::new();
+    bench.run(&["demo", "--out", "demo"]).done();
+    let printed = bench.read("demo/report.txt");
+    let shown: Vec<String> =
+        blocks("../README.md", "text").into_iter().filter(|block| block.starts_with("verdict: ")).collect();
+    assert_eq!(shown.len(), 1);
+    assert!(printed.contains(&shown[0]), "README:\n{}\n\ndemo:\n{printed}", shown[0]);
+    // Another value would not go unnoticed.
+    assert!(!printed.contains(&shown[0].replacen("explained", "adequate", 1)));
 }
