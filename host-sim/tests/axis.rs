@@ -1,6 +1,8 @@
 //! An axis that a known controller drives: its force in closed loop, on measured data and on records of the model itself.
 //! What needs the measured data is skipped, with a message, where they are not there.
 
+mod measured_data;
+
 use eha_monitor::channel::Channel;
 use eha_monitor::model::drive::Law;
 use eha_monitor::parameter::Parameter as P;
@@ -8,7 +10,6 @@ use host_sim::diagnose::{Case, Verdict, diagnose};
 use host_sim::fit::{self, FitSettings, LoopScore, Prepared};
 use host_sim::record::{self, ReadOptions, Record};
 use host_sim::rig::{Range, Rig};
-use std::path::{Path, PathBuf};
 
 /// Controller and amplifier of the measured axis, from the data's description.
 const LAW: Law<f64> =
@@ -29,13 +30,7 @@ fn axis(values: &[(P, f64)]) -> Rig {
 
 /// Segments of the measured record.
 fn measured<const N: usize>(segments: [(Option<f64>, Option<f64>); N]) -> Option<[Record; N]> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
-    let folder = std::env::var_os("EHA_DATA").map_or(beside, PathBuf::from);
-    let path = folder.join("emps/estimation.csv");
-    if !path.exists() {
-        eprintln!("skipped: no measured data at {}", path.display());
-        return None;
-    }
+    let path = measured_data::file("emps/estimation.csv")?;
     let read = |(from_s, to_s)| {
         record::read(&path, &ReadOptions { from_s, to_s, ..ReadOptions::default() }).unwrap().record
     };

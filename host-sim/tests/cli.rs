@@ -1,5 +1,7 @@
 //! The program as its users meet it: the real binary, its files, its streams and its exit codes.
 
+mod measured_data;
+
 mod cli {
     mod bad_records;
     mod check;

@@ -1,12 +1,13 @@
 //! A servo-hydraulic testing machine whose model is fitted to one record and foretells others, which go faster and pull
 //! harder. Skipped, with a message, where the measured data are not there.
 
+mod measured_data;
+
 use eha_monitor::parameter::Parameter as P;
 use host_sim::diagnose::score;
 use host_sim::fit::{self, Prepared};
 use host_sim::record::{self, ReadOptions, Record};
 use host_sim::rig::{Range, Rig};
-use std::path::{Path, PathBuf};
 
 /// The record that is fitted, and those that are foretold.
 const RECORDS: [&str; 3] = ["chirp15_0A", "chirp20_0A", "chirp20_1A"];
@@ -48,14 +49,12 @@ const ROUGH: [(P, f64); 8] = [
 ];
 
 fn measured() -> Option<[Record; 3]> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
-    let folder = std::env::var_os("EHA_DATA").map_or(beside, PathBuf::from);
-    let path = |name: &str| folder.join(format!("mts/{name}.csv"));
-    if !RECORDS.iter().all(|name| path(name).exists()) {
-        eprintln!("skipped: no measured data in {}", folder.display());
-        return None;
-    }
-    Some(RECORDS.map(|name| record::read(&path(name), &ReadOptions::default()).unwrap().record))
+    let read = |name| {
+        let path = measured_data::file(&format!("mts/{name}.csv"))?;
+        Some(record::read(&path, &ReadOptions::default()).unwrap().record)
+    };
+    let [first, second, third] = RECORDS.map(read);
+    Some([first?, second?, third?])
 }
 
 /// Residuals of all records after a fit to the first, of ranges and from values.

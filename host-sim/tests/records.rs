@@ -1,5 +1,7 @@
 //! Records as a user meets them: text files in, messages and text files out.
 
+mod measured_data;
+
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -346,18 +348,13 @@ fn a_file_is_saved_whole_or_not_at_all() {
 
 #[test]
 fn measured_files_are_read() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
     for (file, samples, channel) in [
         ("mts/chirp20_0A.csv", 61_500, Channel::Load),
         ("mts/chirp20_1A.csv", 59_100, Channel::Load),
         ("mts/chirp15_0A.csv", 46_800, Channel::Load),
         ("emps/estimation.csv", 24_841, Channel::Drive),
     ] {
-        let path = root.join(file);
-        if !path.exists() {
-            println!("skipped: {} is not there", path.display());
-            continue;
-        }
+        let Some(path) = measured_data::file(file) else { continue };
         let Loaded { record, warnings } = read_csv_with(&path, &ReadOptions::default()).expect(file);
         assert!(warnings.is_empty(), "{warnings:?}");
         assert_eq!((record.len(), record.sample_period_s()), (samples, 1e-3), "{file}");

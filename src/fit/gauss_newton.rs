@@ -117,7 +117,7 @@ where
                 *follower = None;
             }
         }
-        let mut level = Level::<T, GENES>::new();
+        let mut level = record.offset_unknown.then(Level::<T, GENES>::new);
         loop {
             let mut chunk = Chunk::<T, GENES>::new();
             chunk.fill_base(record, &mut walk, select(steppers, 0, shared), &walks, &mut followers);
@@ -137,46 +137,41 @@ where
             if shared {
                 select(steppers, 0, shared).begin(record.sample_period, has_force, dynamic);
             }
-            chunk.accumulate(&mut normal, &mut level, &widths, active);
+            chunk.accumulate(&mut normal, level.as_mut(), &widths, active);
         }
-        if record.offset_unknown {
+        if let Some(level) = level {
             level.remove_from(&mut normal, active);
         }
     }
     normal
 }
 
-/// Sums of a record's user position: residual, and its slope along each gene.
+/// What an unknown offset takes away of normal equations: the means of a record's user position.
 struct Level<T, const GENES: usize> {
-    residual: T,
+    residual: Offset<T>,
+    /// Slope of the residual along each gene, summed.
     slope: [T; GENES],
-    count: u32,
 }
 
 impl<T: Real + RealField, const GENES: usize> Level<T, GENES> {
     const fn new() -> Self {
-        Self { residual: T::ZERO, slope: [T::ZERO; GENES], count: 0 }
+        Self { residual: Offset::NONE, slope: [T::ZERO; GENES] }
     }
 
     fn add(&mut self, residual: T, slope: &[T; GENES]) {
-        self.residual += residual;
-        self.count += 1;
+        self.residual.add(residual);
         for (sum, &slope) in self.slope.iter_mut().zip(slope) {
             *sum += slope;
         }
     }
 
-    /// Takes out of normal equations what an unknown offset takes away: the means.
     fn remove_from(&self, normal: &mut Normal<T, GENES>, active: usize) {
-        if self.count == 0 {
-            return;
-        }
-        let mean = |sum: T| sum / T::from_count(self.count);
-        normal.misfit.chi_square -= self.residual * mean(self.residual);
+        normal.misfit.chi_square -= self.residual.square();
         for row in 0..active {
-            normal.gradient[row] -= self.slope[row] * mean(self.residual);
+            normal.gradient[row] -= self.slope[row] * self.residual.mean();
             for column in 0..active {
-                normal.curvature[(row, column)] -= self.slope[row] * mean(self.slope[column]);
+                normal.curvature[(row, column)] -=
+                    self.slope[row] * self.residual.mean_of(self.slope[column]);
             }
         }
     }
@@ -273,7 +268,7 @@ impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
     fn accumulate(
         &self,
         normal: &mut Normal<T, GENES>,
-        level: &mut Level<T, GENES>,
+        mut level: Option<&mut Level<T, GENES>>,
         widths: &[T; GENES],
         active: usize,
     ) {
@@ -289,7 +284,9 @@ impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
                 let slope: [T; GENES] = core::array::from_fn(|gene| {
                     if gene < active { (residual - neighbours[gene]) / widths[gene] } else { T::ZERO }
                 });
-                if channel == Offset::<T>::CHANNEL {
+                if channel == Offset::<T>::CHANNEL
+                    && let Some(level) = &mut level
+                {
                     level.add(residual, &slope);
                 }
                 for row in 0..active {

@@ -181,7 +181,7 @@ impl<T: Real> Compared<'_, T> {
 
 /// Residual of a record's user position, summed: what an unknown offset can take away of chi-square, and what is to be
 /// added to the prediction then.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Offset<T> {
     sum: T,
     count: u32,
@@ -191,6 +191,9 @@ impl<T: Real> Offset<T> {
     /// Place of the user position among the measured channels.
     pub const CHANNEL: usize = 0;
 
+    /// Of no sample.
+    pub const NONE: Self = Self { sum: T::ZERO, count: 0 };
+
     /// Adds the residual of a sample.
     pub fn add(&mut self, residual: T) {
         self.sum += residual;
@@ -199,7 +202,12 @@ impl<T: Real> Offset<T> {
 
     /// Mean of the residual; 0 where there is none.
     pub fn mean(&self) -> T {
-        if self.count == 0 { T::ZERO } else { self.sum / T::from_count(self.count) }
+        self.mean_of(self.sum)
+    }
+
+    /// Mean of something else that was summed over the same samples.
+    pub fn mean_of(&self, sum: T) -> T {
+        if self.count == 0 { T::ZERO } else { sum / T::from_count(self.count) }
     }
 
     /// Part of the sum of squares that the mean makes.
@@ -260,7 +268,7 @@ impl<T: Real> Problem<'_, T> {
             rig_changed = false;
             let mut walk = Walk::new(&model, record);
             let compared = record.compared();
-            let mut offset = Offset { sum: T::ZERO, count: 0 };
+            let mut offset = Offset::NONE;
             while walk.has_next(record) {
                 walk.lead_on(record, stepper, &mut [], BETWEEN_LOOKS, |sample, outputs, _| {
                     if !record.is_compared(sample) {

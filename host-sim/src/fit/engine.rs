@@ -124,7 +124,7 @@ pub fn trace<S: Stepper<f64>>(
 /// The offset of a record that brings a prediction closest to it, m.
 fn offset_of(record: &Record<'_, f64>, outputs: &[Outputs<f64>]) -> f64 {
     let measured = record.measured[Offset::<f64>::CHANNEL];
-    let mut offset = Offset::default();
+    let mut offset = Offset::NONE;
     for (sample, (measured, outputs)) in measured.iter().zip(outputs).enumerate() {
         if record.is_compared(sample) && measured.is_finite() {
             offset.add(measured - outputs.user);

@@ -110,13 +110,6 @@ pub struct Fit {
     pub inflation: f64,
 }
 
-impl Fit {
-    /// The rig with the parameters of the fit.
-    pub fn applied(&self, rig: &Rig) -> Rig {
-        Rig { parameters: self.parameters, ..rig.clone() }
-    }
-}
-
 /// A place that a search went to, and where the population stood after it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Visit {
@@ -131,6 +124,11 @@ pub struct Visit {
 }
 
 impl Fit {
+    /// The rig with the parameters of the fit.
+    pub fn applied(&self, rig: &Rig) -> Rig {
+        Rig { parameters: self.parameters, ..rig.clone() }
+    }
+
     /// The estimate of a parameter.
     pub fn estimate(&self, parameter: Parameter) -> Option<&Estimate> {
         self.estimates.iter().find(|estimate| estimate.parameter == parameter)

@@ -29,13 +29,15 @@ pub(crate) struct Diagnosed<'a> {
     pub(crate) diagnosis: &'a Diagnosis,
     /// Errors in closed loop and over open windows, before and after, of each of the parts; none where the controller is
     /// not known.
-    pub(crate) loops: &'a [Option<[LoopScore; 2]>; 2],
+    pub(crate) loops: &'a OfParts<LoopScore>,
     /// The same as JSON: notes, next experiment, configuration.
     pub(crate) result: &'a Value,
 }
 
 /// The parts that the records of a diagnosis fall into.
 pub(crate) const PARTS: [&str; 2] = ["fitted records", "held-out records"];
+/// A score of each part, before and after; none where there is none.
+pub(crate) type OfParts<S> = [Option<[S; 2]>; 2];
 
 /// The report of a diagnosis, as an HTML file.
 pub(crate) fn diagnosis(case: &Diagnosed<'_>) -> String {
@@ -225,7 +227,7 @@ fn left_words(left: &crate::diagnose::residual::Description) -> Vec<String> {
 
 /// A number before and after, of each part that has it.
 fn of_parts<S: Copy>(
-    scores: &[Option<[S; 2]>; 2],
+    scores: &OfParts<S>,
     number: impl Fn(S) -> Option<f64>,
 ) -> Vec<(&'static str, [f64; 2])> {
     let numbers = |scores: &Option<[S; 2]>| {
@@ -242,7 +244,7 @@ fn errors(diagnosis: &Diagnosis) -> Markup {
 }
 
 /// Errors of an axis whose controller is known.
-fn closed_loop(loops: &[Option<[LoopScore; 2]>; 2]) -> Markup {
+fn closed_loop(loops: &OfParts<LoopScore>) -> Markup {
     let force = of_parts(loops, |score| Some(score.force_error * 100.0));
     let open = of_parts(loops, |score| score.open_loop_rms);
     html! {

@@ -20,7 +20,7 @@ mod scale;
 mod statistics;
 mod surface;
 
-pub(crate) use diagnosis::{Diagnosed, PARTS, diagnosis};
+pub(crate) use diagnosis::{Diagnosed, OfParts, PARTS, diagnosis};
 pub(crate) use identification::{Identified, identification};
 pub(crate) use inspection::inspection;
 pub(crate) use reproduction::{Portrait, Reproduced, reproduction};

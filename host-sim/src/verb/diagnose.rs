@@ -8,7 +8,7 @@ use crate::fit::{self, Estimate, FitSettings, LoopScore, Prepared};
 use crate::interrupt;
 use crate::output::{self, SCHEMA};
 use crate::record::Record;
-use crate::report::{self, Diagnosed, PARTS};
+use crate::report::{self, Diagnosed, OfParts, PARTS};
 use crate::rig::{self, Rig};
 use crate::trace::Trace;
 use comfy_table::Table;
@@ -75,7 +75,7 @@ pub(super) struct Job<'a> {
 pub(super) struct Answer {
     pub(super) diagnosis: Diagnosis,
     /// Errors of an axis whose controller is known, before and after, of the fitted and the held-out records.
-    loops: [Option<[LoopScore; 2]>; 2],
+    loops: OfParts<LoopScore>,
     /// All of it as JSON.
     pub(super) result: Value,
 }
@@ -106,7 +106,7 @@ impl Job<'_> {
 
     /// Errors in closed loop and over open windows, before and after, of the fitted and the held-out records; none
     /// where the controller is not known.
-    fn loop_scores(&self, diagnosis: &Diagnosis) -> [Option<[LoopScore; 2]>; 2] {
+    fn loop_scores(&self, diagnosis: &Diagnosis) -> OfParts<LoopScore> {
         let before = diagnosis.before.applied(&self.rig);
         [&self.train, &self.holdout].map(|records| {
             let score = |rig: &Rig| fit::loop_score(rig, records);
@@ -114,7 +114,7 @@ impl Job<'_> {
         })
     }
 
-    fn json(&self, diagnosis: &Diagnosis, loops: &[Option<[LoopScore; 2]>; 2], seconds: f64) -> Value {
+    fn json(&self, diagnosis: &Diagnosis, loops: &OfParts<LoopScore>, seconds: f64) -> Value {
         let pair = |scores: &[Score; 2]| json!({ "before_rms_m": output::number(scores[0].position_rms), "after_rms_m": output::number(scores[1].position_rms) });
         let estimates =
             |estimates: &[Estimate]| estimates.iter().map(output::estimate_json).collect::<Vec<_>>();
@@ -239,7 +239,7 @@ impl Job<'_> {
     }
 
     /// The errors of an axis whose controller is known.
-    fn closed_loop_text(&self, loops: &[Option<[LoopScore; 2]>; 2], text: &mut String) {
+    fn closed_loop_text(&self, loops: &OfParts<LoopScore>, text: &mut String) {
         if loops.iter().all(Option::is_none) {
             return;
         }

@@ -1,7 +1,7 @@
 //! Runs the program in a directory of its own.
 
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 use tempfile::TempDir;
 
@@ -139,17 +139,4 @@ pub(crate) fn timeless(mut value: Value) -> Value {
         _ => {}
     }
     value
-}
-
-/// A file of the folder with measured data; none, with a message, where the folder is absent. The folder is
-/// `shared/data` beside the repository, or what `EHA_DATA` names.
-pub(crate) fn measured_data(name: &str) -> Option<String> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
-    let folder = std::env::var_os("EHA_DATA").map_or(beside, PathBuf::from);
-    let path = folder.join(name);
-    if path.exists() {
-        return path.to_str().map(str::to_owned);
-    }
-    eprintln!("skipped: no measured data at {}", path.display());
-    None
 }

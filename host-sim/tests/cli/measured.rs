@@ -1,6 +1,7 @@
 //! Real machines. Each test is skipped, with a message, where the measured data are not there.
 
-use super::harness::{Bench, measured_data, named, number};
+use super::harness::{Bench, named, number};
+use crate::measured_data;
 use std::path::Path;
 
 /// Largest residual of a calibrated `servo-hydraulic` rig on the record below, m rms (measured: 26.0 um).
@@ -11,9 +12,10 @@ const EMPS_BAR: f64 = 1.45e-3;
 
 #[test]
 fn a_testing_machine_is_calibrated_and_its_rig_is_accepted() {
-    let Some(record) = measured_data("mts/chirp15_0A.csv") else { return };
+    let Some(record) = measured_data::file("mts/chirp15_0A.csv") else { return };
+    let record = record.to_str().expect("a path in UTF-8");
     let bench = Bench::new();
-    let result = bench.run(&["calibrate", &record, "--json", "--out", "."]).done().json();
+    let result = bench.run(&["calibrate", record, "--json", "--out", "."]).done().json();
     let residual = number(&result["residual_rms_m"]);
     assert!(residual <= MTS_BAR, "{residual} m rms");
     let gain = number(&named(&result["parameters"], "proportional_gain")["value"]);
@@ -21,7 +23,7 @@ fn a_testing_machine_is_calibrated_and_its_rig_is_accepted() {
     let text = bench.read("rig.toml");
     assert!(text.contains(&format!("proportional_gain = {gain:?}")), "{text}");
     // A part of the record serves to show that the rig is accepted, and is faster.
-    bench.run(&["import", &record, "--from", "10", "--to", "14", "-o", "part.csv"]).done();
+    bench.run(&["import", record, "--from", "10", "--to", "14", "-o", "part.csv"]).done();
     let fitted = bench.run(&["identify", "part.csv", "--rig", "rig.toml", "--json"]).done().json();
     assert_eq!(fitted["config"]["rig"], "servo-hydraulic");
     assert_eq!(fitted["config"]["parameters"]["proportional_gain"], gain);
@@ -29,9 +31,10 @@ fn a_testing_machine_is_calibrated_and_its_rig_is_accepted() {
 
 #[test]
 fn an_axis_that_a_force_drives_is_calibrated() {
-    let Some(record) = measured_data("emps/estimation.csv") else { return };
+    let Some(record) = measured_data::file("emps/estimation.csv") else { return };
+    let record = record.to_str().expect("a path in UTF-8");
     let bench = Bench::new();
-    let arguments = ["calibrate", &record, "--rig", "force-axis", "--json"];
+    let arguments = ["calibrate", record, "--rig", "force-axis", "--json"];
     let result = bench.run(&arguments).done().json();
     let residual = number(&result["residual_rms_m"]);
     assert!(residual <= EMPS_BAR, "{residual} m rms");
@@ -50,5 +53,5 @@ fn an_axis_that_a_force_drives_is_calibrated() {
 #[test]
 fn data_that_are_absent_are_no_failure() {
     assert!(!Path::new("mts/none.csv").exists());
-    assert!(measured_data("mts/none.csv").is_none());
+    assert!(measured_data::file("mts/none.csv").is_none());
 }
