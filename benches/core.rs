@@ -35,10 +35,9 @@ fn model<T: Real>(blend: f64) -> Model<T> {
 
 fn simulate<T: Real, S: Stepper<T>>(model: &Model<T>, record: &Record<'_, T>, stepper: &mut S) {
     stepper.begin(record.sample_period, false, false);
-    let mut walk = Walk::new(model, record);
-    while let Some(outputs) = walk.next(record, stepper) {
-        black_box(outputs);
-    }
+    Walk::new(model, record).lead_on(record, stepper, &mut [], SAMPLES, |_, outputs, _| {
+        black_box(outputs.user);
+    });
 }
 
 fn sample(criterion: &mut Criterion) {
