@@ -70,12 +70,21 @@ pub trait Real: Scalar<Mask = bool> + PartialOrd {
     fn finite(self) -> bool;
     /// Largest integer not above `self`, for magnitudes below 2^31.
     fn whole(self) -> Self;
+
+    /// Series of `exp(x)`, of `cos(x)` in `x^2`, and of `sin(x)/x` in `x^2`: constants of the type, so that no
+    /// double-precision code reaches an MCU however the compiler is set.
+    const EXPONENTIAL: [Self; 16];
+    #[expect(missing_docs, reason = "told with the first of the three")]
+    const COSINE: [Self; 8];
+    #[expect(missing_docs, reason = "told with the first of the three")]
+    const SINE: [Self; 8];
+
     /// `exp(-self)` for `self >= 0`, by argument halving and a polynomial; relative error below 2e-5 (`f32`), 1e-13 (`f64`).
     #[inline]
     fn exp_negative(self) -> Self {
         // exp(-x) = exp(-x/64)^64; past 87 the result is below the smallest normal f32.
         let x = self.smaller(Self::literal(87.0));
-        let mut power = polynomial(&EXPONENTIAL, -x * Self::literal(1.0 / 64.0));
+        let mut power = polynomial(Self::EXPONENTIAL, -x * Self::literal(1.0 / 64.0));
         let mut squarings = 0;
         while squarings < 6 {
             power *= power;
@@ -92,7 +101,7 @@ pub trait Real: Scalar<Mask = bool> + PartialOrd {
         let nearest = (quarters + Self::literal(0.5)).whole();
         let y = (quarters - nearest) * Self::literal(core::f64::consts::FRAC_PI_2);
         let square = y * y;
-        let (cosine, sine) = (polynomial(&COSINE, square), y * polynomial(&SINE, square));
+        let (cosine, sine) = (polynomial(Self::COSINE, square), y * polynomial(Self::SINE, square));
         let halves = nearest * Self::literal(0.5);
         let turns = halves.whole() * Self::literal(0.5);
         let sign = if turns.whole() == turns { Self::ONE } else { -Self::ONE };
@@ -100,10 +109,9 @@ pub trait Real: Scalar<Mask = bool> + PartialOrd {
     }
 }
 
-/// The sum of `coefficients[k] x^k`, in pairs, pairs of pairs and so on: no long chain of sums that wait for each other.
+/// The sum of `sums[k] x^k`, in pairs, pairs of pairs and so on: no long chain of sums that wait for each other.
 #[inline(always)]
-fn polynomial<T: Scalar, const N: usize>(coefficients: &[f64; N], x: T) -> T {
-    let mut sums = coefficients.map(T::literal);
+fn polynomial<T: Scalar, const N: usize>(mut sums: [T; N], x: T) -> T {
     let (mut power, mut count) = (x, N);
     while count > 1 {
         count /= 2;
@@ -115,29 +123,31 @@ fn polynomial<T: Scalar, const N: usize>(coefficients: &[f64; N], x: T) -> T {
     sums[0]
 }
 
-/// `sign^k/(start + step k)!` for `k` from 0 on: the series of a function.
-const fn series<const N: usize>(sign: f64, start: u32, step: u32) -> [f64; N] {
-    let mut coefficients = [0.0; N];
-    let (mut factorial, mut order, mut power, mut k) = (1.0, 0, 1.0, 0);
-    while k < N {
-        while order < start + step * k as u32 {
-            order += 1;
-            factorial *= order as f64;
+macro_rules! series {
+    ($name:ident, $float:ty) => {
+        /// `sign^k/(start + step k)!` for `k` from 0 on: the series of a function.
+        const fn $name<const N: usize>(sign: f64, start: u32, step: u32) -> [$float; N] {
+            let mut coefficients = [0.0; N];
+            let (mut factorial, mut order, mut power, mut k) = (1.0, 0, 1.0, 0);
+            while k < N {
+                while order < start + step * k as u32 {
+                    order += 1;
+                    factorial *= order as f64;
+                }
+                coefficients[k] = (power / factorial) as $float;
+                power *= sign;
+                k += 1;
+            }
+            coefficients
         }
-        coefficients[k] = power / factorial;
-        power *= sign;
-        k += 1;
-    }
-    coefficients
+    };
 }
 
-/// Series of `exp(x)`, of `cos(x)` in `x^2`, and of `sin(x)/x` in `x^2`.
-const EXPONENTIAL: [f64; 16] = series(1.0, 0, 1);
-const COSINE: [f64; 8] = series(-1.0, 0, 2);
-const SINE: [f64; 8] = series(-1.0, 1, 2);
+series!(single_series, f32);
+series!(double_series, f64);
 
 macro_rules! scalar {
-    ($float:ty, $sqrt:path) => {
+    ($float:ty, $sqrt:path, $series:ident) => {
         impl Scalar for $float {
             type Mask = bool;
             const ZERO: Self = 0.0;
@@ -170,6 +180,10 @@ macro_rules! scalar {
             reason = "one text for both precisions; the cast is lossless for `f64` only"
         )]
         impl Real for $float {
+            const EXPONENTIAL: [Self; 16] = $series(1.0, 0, 1);
+            const COSINE: [Self; 8] = $series(-1.0, 0, 2);
+            const SINE: [Self; 8] = $series(-1.0, 1, 2);
+
             #[inline(always)]
             fn from_count(count: u32) -> Self {
                 count as Self
@@ -191,8 +205,8 @@ macro_rules! scalar {
     };
 }
 
-scalar!(f32, libm::sqrtf);
-scalar!(f64, libm::sqrt);
+scalar!(f32, libm::sqrtf, single_series);
+scalar!(f64, libm::sqrt, double_series);
 
 #[cfg(test)]
 mod tests {

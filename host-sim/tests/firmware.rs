@@ -98,8 +98,11 @@ fn the_image_fits_the_real_part() {
 #[test]
 fn no_double_precision_slips_in() {
     let machine = Machine::Mps2An386;
-    let footprint = expect(build(machine).footprint());
-    assert_eq!(footprint.soft_double_symbols, [""; 0]);
+    for binary in [Binary::Workload, Binary::Monitor] {
+        let options = BuildOptions::for_machine(machine).with(binary, &[]);
+        let footprint = expect(expect(options.build()).footprint());
+        assert_eq!(footprint.soft_double_symbols, [""; 0], "{binary:?}");
+    }
 
     let control = expect(expect(negative_control(machine, "negative-control-f64").build()).footprint());
     for symbol in ["__aeabi_dadd", "__aeabi_dmul"] {

@@ -138,8 +138,10 @@ impl<T: Real> Arc<T> {
     /// What a fraction of the step adds to the state at its start.
     fn after(&self, fraction: T) -> [T; FULL_ORDER] {
         let [first, second, third] = &self.powers;
-        core::array::from_fn(|index| {
-            fraction * (first[index] + fraction * (second[index] + fraction * third[index]))
-        })
+        let mut change = [T::ZERO; FULL_ORDER];
+        for (((change, first), second), third) in change.iter_mut().zip(first).zip(second).zip(third) {
+            *change = fraction * (*first + fraction * (*second + fraction * *third));
+        }
+        change
     }
 }

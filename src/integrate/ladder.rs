@@ -339,6 +339,7 @@ impl<T: Real, const N: usize> Growth<T, N> {
     }
 
     /// Doubles the step.
+    #[inline(never)]
     pub(super) fn double(&mut self, moments: &mut [Moments<T, N>]) {
         let two = T::literal(2.0);
         for moment in moments {
@@ -382,7 +383,7 @@ impl<T: Real, const N: usize> Growth<T, N> {
             *value += direct;
         }
         rung.transition = self.transition;
-        rung.transition[RAM] = self.constant_of(&system.shift);
+        rung.transition[RAM] = self.constant_of(&system.shift());
         rung.constant = self.constant;
         rung.force_rate = self.ramp_of(&system.force);
     }
@@ -399,8 +400,6 @@ pub(super) struct Moments<T, const N: usize> {
 /// The matrix and the columns of `z' = A z + b u` in a mode, read off the model's rate.
 struct System<T, const N: usize> {
     a: Columns<T, N>,
-    /// Rate when ram and command are shifted together by 1.
-    shift: [T; N],
     command: [T; N],
     command_rate: [T; N],
     force: [T; N],
@@ -423,14 +422,19 @@ impl<T: Real, const N: usize> System<T, N> {
             *column = rate(&State::from_array(unit), none);
         }
         let rest = State::default();
-        let command = Input { command: T::ONE, ..none };
         Self {
             a,
-            shift: rate(&State { ram: T::ONE, ..rest }, command),
-            command: rate(&rest, command),
+            command: rate(&rest, Input { command: T::ONE, ..none }),
             command_rate: rate(&rest, Input { command_rate: T::ONE, ..none }),
             force: rate(&rest, Input { force: T::ONE, ..none }),
         }
+    }
+}
+
+impl<T: Real, const N: usize> System<T, N> {
+    /// Rate when ram and command are shifted together by 1: exactly 0 but for a spring load.
+    fn shift(&self) -> [T; N] {
+        core::array::from_fn(|row| self.a[RAM][row] + self.command[row])
     }
 }
 

@@ -103,7 +103,7 @@ impl<T: Real> Model<T> {
     }
 
     /// Force on the resting ram other than friction, N.
-    #[inline(always)]
+    #[inline(never)]
     fn drive_at_rest(&self, mode: &Mode, z: &State<T>, input: &Input<T>) -> T {
         let pressure = self.pressure(mode, &State { ram_velocity: T::ZERO, ..*z });
         self.jack.drive(pressure, z, input.force, mode.step_load != 0, T::ONE) + self.jack.cogging(z.ram)
@@ -190,7 +190,7 @@ impl<T: Real> Model<T> {
         }
     }
 
-    #[inline(always)]
+    #[inline(never)]
     fn pressure_guard(&self, mode: &Mode, z: &State<T>) -> T {
         let opening = self.spool.opening(z.spool, side(mode.overlap), T::ONE);
         let fluid = self.fluid_now(z);

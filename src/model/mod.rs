@@ -118,7 +118,7 @@ impl<T: Real> Model<T> {
             form,
             parameters: *parameters,
             has_extra_guards: false,
-            guards_see_command_rate: pilot.hysteresis != T::ZERO || controller.sees_rates(),
+            guards_see_command_rate: false,
             is_plain: false,
             moving: 0,
             scales: Scales::of(form, &controller, &pilot, &spool, &fluid),
@@ -128,26 +128,45 @@ impl<T: Real> Model<T> {
             fluid,
             jack: Jack::new(parameters),
         };
-        let is_mounted = model.jack.is_mounted();
+        model.find_out();
+        model
+    }
+
+    /// Changes parameters in place: the same as a new model with them, without moving it about in memory.
+    pub fn change(&mut self, change: impl FnOnce(&mut Parameters<T>)) {
+        change(&mut self.parameters);
+        let parameters = &self.parameters;
+        self.controller = Controller::new(parameters);
+        self.pilot = PilotStage::new(parameters);
+        self.spool = Spool::new(parameters);
+        self.fluid = Fluid::new(parameters, parameters.supply_ratio);
+        self.jack = Jack::new(parameters);
+        self.scales = Scales::of(self.form, &self.controller, &self.pilot, &self.spool, &self.fluid);
+        self.find_out();
+    }
+
+    /// Finds out what follows from form and parameters, and is asked at every step.
+    fn find_out(&mut self) {
+        let is_mounted = self.jack.is_mounted();
         let moves = [
-            !model.controller.is_proportional(),
-            model.pilot.hysteresis != T::ZERO,
-            model.pilot.feedback_play != T::ZERO,
-            form.feedback == Feedback::User,
-            model.fluid.is_compressible(),
-            parameters.supply_sag != T::ZERO,
+            !self.controller.is_proportional(),
+            self.pilot.hysteresis != T::ZERO,
+            self.pilot.feedback_play != T::ZERO,
+            self.form.feedback == Feedback::User,
+            self.fluid.is_compressible(),
+            self.parameters.supply_sag != T::ZERO,
             is_mounted,
             is_mounted,
         ];
-        model.moving = moves.into_iter().rev().fold(0, |moving, moves| moving << 1 | u8::from(moves));
-        model.is_plain = model.order() == BASE_ORDER
-            && form.drive == Drive::Valve
-            && model.controller.sees_position_only()
-            && model.fluid.is_linear()
-            && !model.spool.has_sides();
-        model.has_extra_guards =
-            model.order() > BASE_ORDER || model.spool.has_sides() || model.jack.has_step_load();
-        model
+        self.moving = moves.into_iter().rev().fold(0, |moving, moves| moving << 1 | u8::from(moves));
+        self.guards_see_command_rate = self.pilot.hysteresis != T::ZERO || self.controller.sees_rates();
+        self.is_plain = self.order() == BASE_ORDER
+            && self.form.drive == Drive::Valve
+            && self.controller.sees_position_only()
+            && self.fluid.is_linear()
+            && !self.spool.has_sides();
+        self.has_extra_guards =
+            self.order() > BASE_ORDER || self.spool.has_sides() || self.jack.has_step_load();
     }
 
     /// Where a parameter acts in this form: the backlash is inside the loop where the user position is fed back.

@@ -210,8 +210,11 @@ impl<T: Real> State<T> {
 
     /// What has been added to an earlier state.
     pub fn since(&self, earlier: &Self) -> Self {
-        let (now, then) = (self.to_array(), earlier.to_array());
-        let mut change = Self::from_array(core::array::from_fn(|index| now[index] - then[index]));
+        let mut change = self.to_array();
+        for (now, then) in change.iter_mut().zip(earlier.to_array()) {
+            *now -= then;
+        }
+        let mut change = Self::from_array(change);
         change.ram += self.ram_rest - earlier.ram_rest;
         change.spool += self.spool_rest - earlier.spool_rest;
         change

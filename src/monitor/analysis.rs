@@ -17,8 +17,8 @@ const DESCENT_STEPS: u32 = 6;
 const HALVINGS: u32 = 3;
 /// Promised fall of chi-square that is not worth a step.
 const TOLERANCE: f32 = 0.05;
-/// Evaluations after which no new generation is bred.
-const EVALUATIONS: u32 = 60;
+/// Evaluations after which no new generation is bred: with the one before them they stay within a window's budget.
+const EVALUATIONS: u32 = 40;
 
 /// A place in the space of the faults, and what the window says there.
 #[derive(Clone, Copy, Debug)]

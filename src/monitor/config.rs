@@ -108,9 +108,14 @@ impl<const FAULTS: usize> Config<FAULTS> {
     /// The model of a set of genes.
     pub(super) fn model(&self, genes: &[f32; FAULTS]) -> Model<f32> {
         let mut parameters = self.parameters;
+        self.set(&mut parameters, genes);
+        Model::new(self.form, &parameters)
+    }
+
+    /// Sets the parameters that are faults to a set of genes.
+    pub(super) fn set(&self, parameters: &mut Parameters<f32>, genes: &[f32; FAULTS]) {
         for (fault, &gene) in self.faults.iter().zip(genes) {
             parameters.set(fault.free.parameter, fault.free.value(gene));
         }
-        Model::new(self.form, &parameters)
     }
 }

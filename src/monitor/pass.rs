@@ -16,7 +16,7 @@ use crate::parameter::Reach;
 
 /// Samples that one motion walks before the next one follows: more would save what a change of model costs, and take
 /// more of the monitor's memory than its budget has.
-const CHUNK: usize = 9;
+const CHUNK: usize = 40;
 /// Width of the forward difference, in genes.
 const DIFFERENCE: f32 = 2e-3;
 
@@ -318,10 +318,13 @@ impl<const GENES: usize> Pass<GENES> {
         }
     }
 
-    /// Makes the model of the motion whose turn it is.
+    /// Turns the model to the motion whose turn it is.
     #[inline(never)]
     fn turn_to(&mut self, config: &Config<GENES>) {
-        self.model = Slot::Full(config.model(&moved_genes(&self.genes, &self.widths, self.turn)));
+        let genes = moved_genes(&self.genes, &self.widths, self.turn);
+        if let Some(model) = self.model.get_mut() {
+            model.change(|parameters| config.set(parameters, &genes));
+        }
     }
 
     /// Takes the motion whose turn it is to the next sample; false where the allowance ends before.

@@ -4,7 +4,7 @@ mod limits;
 
 pub use limits::Budget;
 
-use crate::emulator::{Binary, BuildOptions, Emulator, Machine};
+use crate::emulator::{Binary, BuildOptions, Emulator, Footprint, Machine};
 use crate::failure::Failure;
 use crate::hil::{Session, line::Line};
 use std::collections::BTreeMap;
@@ -70,10 +70,7 @@ fn of_workload(machine: Machine, features: &[&str]) -> Result<BTreeMap<String, u
     let log = Emulator::new(machine).run(&firmware).map_err(Failure::other)?;
     ended_well(machine, log.exit_code)?;
     let footprint = firmware.footprint().map_err(Failure::other)?;
-    let image = [("static_ram_bytes", footprint.static_ram_bytes), ("flash_bytes", footprint.flash_bytes)];
-    let image = image.map(|(name, value)| (format!("workload.{name}"), value));
-    let measures = log.measures.into_iter().map(|(name, value)| (format!("workload.{name}"), value));
-    Ok(measures.chain(image).collect())
+    Ok(named("workload", log.measures, &footprint))
 }
 
 /// What the streaming monitor measures on a short flight, and what its image takes.
@@ -83,10 +80,18 @@ fn of_monitor(machine: Machine, features: &[&str]) -> Result<BTreeMap<String, u6
     let outcome = Session::reference()?.run(Line::to_emulator(machine, features)?, |_| {})?;
     let log = outcome.log.ok_or_else(|| Failure::other("the monitor's run left no log"))?;
     ended_well(machine, log.exit_code)?;
-    let image = [("static_ram_bytes", footprint.static_ram_bytes), ("flash_bytes", footprint.flash_bytes)];
-    let image = image.map(|(name, value)| (format!("monitor.{name}"), value));
-    let measures = log.measures.into_iter().map(|(name, value)| (format!("monitor.{name}"), value));
-    Ok(measures.chain(image).collect())
+    Ok(named("monitor", log.measures, &footprint))
+}
+
+/// What a run measured and what its image takes, as `budgets.toml` names them.
+fn named(run: &str, measures: BTreeMap<String, u64>, footprint: &Footprint) -> BTreeMap<String, u64> {
+    let image = [
+        ("static_ram_bytes", footprint.static_ram_bytes),
+        ("flash_bytes", footprint.flash_bytes),
+        ("core_flash_bytes", footprint.core_flash_bytes),
+    ];
+    let image = image.map(|(name, value)| (name.to_owned(), value));
+    measures.into_iter().chain(image).map(|(name, value)| (format!("{run}.{name}"), value)).collect()
 }
 
 fn ended_well(machine: Machine, code: i32) -> Result<(), Failure> {

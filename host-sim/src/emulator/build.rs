@@ -20,6 +20,11 @@ pub const PANIC_SYMBOL: &str = "this_firmware_has_a_reachable_panic";
 /// The code that the firmware ends with where the processor faults.
 pub const EXIT_HARD_FAULT: i32 = 101;
 
+/// Flags that keep the code small: of what the compiler would copy into its callers or write out round by round for
+/// speed, what gains next to none. Measured on the streaming monitor's image: a tenth less flash for two percent more
+/// instructions.
+const LEAN: [&str; 2] = ["-Cllvm-args=-inline-threshold=35", "-Cllvm-args=-unroll-threshold=200"];
+
 /// The processor that the compiler may use all instructions of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cpu {
@@ -134,8 +139,10 @@ impl BuildOptions {
         let features: Vec<&str> =
             self.board.feature().into_iter().chain(self.features.iter().map(String::as_str)).collect();
         cargo.arg("--features").arg(features.join(","));
-        let cpu = self.cpu.name();
-        cargo.arg("--config").arg(format!("target.{TARGET}.rustflags=['-Ctarget-cpu={cpu}']"));
+        let flags = [format!("-Ctarget-cpu={}", self.cpu.name())];
+        let flags: Vec<_> =
+            flags.iter().map(String::as_str).chain(LEAN).map(|flag| format!("'{flag}'")).collect();
+        cargo.arg("--config").arg(format!("target.{TARGET}.rustflags=[{}]", flags.join(",")));
         cargo
     }
 

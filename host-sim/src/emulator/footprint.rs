@@ -1,7 +1,7 @@
 //! What an image takes of the part's memory, and what has slipped into it.
 
 use super::error::EmulatorError;
-use object::{Object, ObjectSection, ObjectSymbol, SectionFlags, SectionKind, elf};
+use object::{Object, ObjectSection, ObjectSymbol, SectionFlags, SectionKind, SymbolKind, elf};
 
 /// What an image takes of the part's memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -10,6 +10,9 @@ pub struct Footprint {
     pub flash_origin: u64,
     /// Code, constants and the initial values of variables, bytes.
     pub flash_bytes: u64,
+    /// The same without what is there for the board and the serial line: the core and its maths, and all that cannot be
+    /// told by its name.
+    pub core_flash_bytes: u64,
     /// Variables, bytes. The stack, measured by the run itself, comes on top.
     pub static_ram_bytes: u64,
     /// Routines of double-precision arithmetic in software: a step in `f64` has slipped in where there is one.
@@ -23,10 +26,16 @@ pub struct Footprint {
 pub(super) fn of_image(image: &[u8]) -> Result<Footprint, EmulatorError> {
     let invalid = |error: object::Error| EmulatorError::Image(error.to_string());
     let file = object::File::parse(image).map_err(invalid)?;
-    let vectors = file.section_by_name(".vector_table");
+    let vectors = file.section_by_name(VECTORS);
     let flash_origin = vectors.ok_or_else(|| EmulatorError::Image("no vector table".to_owned()))?.address();
-    let mut footprint =
-        Footprint { flash_origin, flash_bytes: 0, static_ram_bytes: 0, soft_double_symbols: Vec::new() };
+    let mut footprint = Footprint {
+        flash_origin,
+        flash_bytes: 0,
+        core_flash_bytes: 0,
+        static_ram_bytes: 0,
+        soft_double_symbols: Vec::new(),
+    };
+    let mut vector_bytes = 0;
     for section in file.sections() {
         let SectionFlags::Elf { sh_flags } = section.flags() else {
             return Err(EmulatorError::Image("not an ELF file".to_owned()));
@@ -41,20 +50,55 @@ pub(super) fn of_image(image: &[u8]) -> Result<Footprint, EmulatorError> {
         if !uninitialised {
             footprint.flash_bytes += section.size();
         }
+        if section.name().map_err(invalid)? == VECTORS {
+            vector_bytes = section.size();
+        }
     }
     let mut symbols = file.symbols().peekable();
     if symbols.peek().is_none() {
         return Err(EmulatorError::Stripped);
     }
+    let mut around_bytes = 0;
     for symbol in symbols.filter(ObjectSymbol::is_definition) {
         let name = symbol.name().map_err(invalid)?;
         if is_soft_double(name) {
             footprint.soft_double_symbols.push(name.to_owned());
         }
+        let is_constant = matches!(symbol.kind(), SymbolKind::Text)
+            || symbol.section_index().is_some_and(|index| {
+                file.section_by_index(index).is_ok_and(|section| {
+                    section.kind() == SectionKind::ReadOnlyData && section.name() != Ok(VECTORS)
+                })
+            });
+        if is_constant && is_around_the_core(&rustc_demangle::demangle(name).to_string()) {
+            around_bytes += symbol.size();
+        }
     }
+    footprint.core_flash_bytes = footprint.flash_bytes.saturating_sub(vector_bytes + around_bytes);
     footprint.soft_double_symbols.sort_unstable();
     footprint.soft_double_symbols.dedup();
     Ok(footprint)
+}
+
+/// Section of the vector table.
+const VECTORS: &str = ".vector_table";
+
+/// Does this demangled name belong to the board, the log or the serial line: to the monitor's own image, the library's
+/// module for packets, or the crates that only these two use? A negative control stands for code of the core.
+fn is_around_the_core(name: &str) -> bool {
+    const AROUND: [&str; 10] = [
+        "firmware_monitor::",
+        "eha_monitor::link::",
+        "postcard::",
+        "cobs::",
+        "crc::",
+        "serde_core::",
+        "defmt",
+        "cortex_m",
+        "critical_section",
+        "semihosting",
+    ];
+    !name.contains("::hogs::") && AROUND.iter().any(|part| name.contains(part))
 }
 
 /// Does this name belong to a routine that computes on, or converts from or to, `f64`?
@@ -107,6 +151,28 @@ mod tests {
             "__ebss",
         ] {
             assert!(!is_soft_double(name), "{name}");
+        }
+    }
+
+    #[test]
+    fn board_and_line_are_known_by_name() {
+        for name in [
+            "firmware_monitor::mcu::uart::Uart::send",
+            "eha_monitor::link::station::reply",
+            "<&mut postcard::ser::serializer::Serializer<F> as serde_core::ser::SerializeStruct>::serialize_field",
+            "_defmt_write",
+            "cortex_m_stack::stack_painted",
+        ] {
+            assert!(is_around_the_core(name), "{name}");
+        }
+        for name in [
+            "eha_monitor::integrate::attempt",
+            "eha_monitor::monitor::Monitor<S,_,_,_>::take",
+            "libm::math::sqrt::sqrtf",
+            "compiler_builtins::mem::memcpy",
+            "firmware_monitor::mcu::hogs::flash::TABLE",
+        ] {
+            assert!(!is_around_the_core(name), "{name}");
         }
     }
 
