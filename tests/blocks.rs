@@ -10,8 +10,8 @@ use eha_monitor::model::fluid::Fluid;
 use eha_monitor::model::play::play;
 use eha_monitor::model::sensor::{Lvdt, LvdtState};
 use eha_monitor::model::state::BASE_ORDER;
-use eha_monitor::model::{Feedback, ValveForm};
-use eha_monitor::parameter::Parameters;
+use eha_monitor::model::{Feedback, Form, Model, ValveForm};
+use eha_monitor::parameter::{PARAMETERS, Parameters};
 
 /// No dry and viscous friction anywhere.
 fn frictionless() -> Rig {
@@ -284,4 +284,18 @@ fn midpoint_divides_a_sample_as_it_says() {
     // Ten steps of 0.1 ms, each of which an event may cut into four.
     assert_eq!(stepper.units(), 40);
     assert_eq!(trace.ram.len(), 50);
+}
+
+#[test]
+fn a_model_that_is_changed_is_the_model_that_would_be_made() {
+    let form = Form::default();
+    for row in PARAMETERS {
+        let before = Parameters::<f64>::default();
+        let mut after = before;
+        after.set(row.parameter, row.lower + 0.3 * (row.upper - row.lower));
+        let mut model = Model::new(form, &before);
+        assert_ne!(format!("{model:?}"), format!("{:?}", Model::new(form, &after)), "{}", row.name);
+        model.change(|parameters| *parameters = after);
+        assert_eq!(format!("{model:?}"), format!("{:?}", Model::new(form, &after)), "{}", row.name);
+    }
 }

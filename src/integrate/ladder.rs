@@ -429,9 +429,7 @@ impl<T: Real, const N: usize> System<T, N> {
             force: rate(&rest, Input { force: T::ONE, ..none }),
         }
     }
-}
 
-impl<T: Real, const N: usize> System<T, N> {
     /// Rate when ram and command are shifted together by 1: exactly 0 but for a spring load.
     fn shift(&self) -> [T; N] {
         core::array::from_fn(|row| self.a[RAM][row] + self.command[row])

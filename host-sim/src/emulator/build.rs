@@ -139,10 +139,9 @@ impl BuildOptions {
         let features: Vec<&str> =
             self.board.feature().into_iter().chain(self.features.iter().map(String::as_str)).collect();
         cargo.arg("--features").arg(features.join(","));
-        let flags = [format!("-Ctarget-cpu={}", self.cpu.name())];
-        let flags: Vec<_> =
-            flags.iter().map(String::as_str).chain(LEAN).map(|flag| format!("'{flag}'")).collect();
-        cargo.arg("--config").arg(format!("target.{TARGET}.rustflags=[{}]", flags.join(",")));
+        let cpu = self.cpu.name();
+        let lean = LEAN.map(|flag| format!(",'{flag}'")).concat();
+        cargo.arg("--config").arg(format!("target.{TARGET}.rustflags=['-Ctarget-cpu={cpu}'{lean}]"));
         cargo
     }
 

@@ -1,7 +1,7 @@
 //! What an image takes of the part's memory, and what has slipped into it.
 
 use super::error::EmulatorError;
-use object::{Object, ObjectSection, ObjectSymbol, SectionFlags, SectionKind, SymbolKind, elf};
+use object::{Object, ObjectSection, ObjectSymbol, SectionFlags, SectionKind, elf};
 
 /// What an image takes of the part's memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,16 +26,15 @@ pub struct Footprint {
 pub(super) fn of_image(image: &[u8]) -> Result<Footprint, EmulatorError> {
     let invalid = |error: object::Error| EmulatorError::Image(error.to_string());
     let file = object::File::parse(image).map_err(invalid)?;
-    let vectors = file.section_by_name(VECTORS);
-    let flash_origin = vectors.ok_or_else(|| EmulatorError::Image("no vector table".to_owned()))?.address();
+    let vectors = file.section_by_name(".vector_table");
+    let vectors = vectors.ok_or_else(|| EmulatorError::Image("no vector table".to_owned()))?;
     let mut footprint = Footprint {
-        flash_origin,
+        flash_origin: vectors.address(),
         flash_bytes: 0,
         core_flash_bytes: 0,
         static_ram_bytes: 0,
         soft_double_symbols: Vec::new(),
     };
-    let mut vector_bytes = 0;
     for section in file.sections() {
         let SectionFlags::Elf { sh_flags } = section.flags() else {
             return Err(EmulatorError::Image("not an ELF file".to_owned()));
@@ -50,38 +49,30 @@ pub(super) fn of_image(image: &[u8]) -> Result<Footprint, EmulatorError> {
         if !uninitialised {
             footprint.flash_bytes += section.size();
         }
-        if section.name().map_err(invalid)? == VECTORS {
-            vector_bytes = section.size();
-        }
     }
     let mut symbols = file.symbols().peekable();
     if symbols.peek().is_none() {
         return Err(EmulatorError::Stripped);
     }
-    let mut around_bytes = 0;
+    // No symbol of the vector table has a name that counts as around the core.
+    let mut around_bytes = vectors.size();
     for symbol in symbols.filter(ObjectSymbol::is_definition) {
         let name = symbol.name().map_err(invalid)?;
         if is_soft_double(name) {
             footprint.soft_double_symbols.push(name.to_owned());
         }
-        let is_constant = matches!(symbol.kind(), SymbolKind::Text)
-            || symbol.section_index().is_some_and(|index| {
-                file.section_by_index(index).is_ok_and(|section| {
-                    section.kind() == SectionKind::ReadOnlyData && section.name() != Ok(VECTORS)
-                })
-            });
-        if is_constant && is_around_the_core(&rustc_demangle::demangle(name).to_string()) {
+        let section = symbol.section_index().and_then(|index| file.section_by_index(index).ok());
+        let is_in_flash = section
+            .is_some_and(|section| matches!(section.kind(), SectionKind::Text | SectionKind::ReadOnlyData));
+        if is_in_flash && is_around_the_core(&rustc_demangle::demangle(name).to_string()) {
             around_bytes += symbol.size();
         }
     }
-    footprint.core_flash_bytes = footprint.flash_bytes.saturating_sub(vector_bytes + around_bytes);
+    footprint.core_flash_bytes = footprint.flash_bytes.saturating_sub(around_bytes);
     footprint.soft_double_symbols.sort_unstable();
     footprint.soft_double_symbols.dedup();
     Ok(footprint)
 }
-
-/// Section of the vector table.
-const VECTORS: &str = ".vector_table";
 
 /// Does this demangled name belong to the board, the log or the serial line: to the monitor's own image, the library's
 /// module for packets, or the crates that only these two use? A negative control stands for code of the core.
