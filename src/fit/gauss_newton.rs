@@ -17,6 +17,9 @@ use nalgebra::{RealField, SMatrix, SVector};
 /// Samples that one model walks before the next one follows: amortises what a change of model costs the stepper.
 const CHUNK: usize = 16;
 
+/// Most steps that are tried at one place, each shorter than the one before.
+const ATTEMPTS: u32 = 6;
+
 /// How a finish is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings<T> {
@@ -24,7 +27,8 @@ pub struct Settings<T> {
     pub difference: T,
     /// Most steps.
     pub steps: u32,
-    /// A step that promises to lower chi-square by less is not made: the place is the bottom.
+    /// A step that promises to lower chi-square by less, in units of the mean square that is left where that is more than
+    /// noise, is not made: the place is the bottom.
     pub tolerance: T,
 }
 
@@ -377,6 +381,11 @@ impl<T: Real + RealField, const GENES: usize> Normal<T, GENES> {
     }
 }
 
+/// The damping of a shorter step, closer to the gradient.
+fn shorter<T: Real>(damping: T) -> T {
+    damping.larger(T::literal(1e-3)) * T::literal(10.0)
+}
+
 /// Goes from `genes` to the bottom of the basin (Levenberg-Marquardt).
 pub fn finish<T, S, const GENES: usize>(
     problem: &Problem<'_, T>,
@@ -395,31 +404,42 @@ where
     let mut evaluations = cost_of_normal;
     let mut damping = T::literal(1e-4);
     let mut ending = Ending::Steps;
+    // Where the model bends more than its slopes say, step after step leads uphill: after the first of them, a place is
+    // looked at before its slopes are taken.
+    let mut is_wary = false;
     'steps: for _ in 0..settings.steps {
-        for attempt in 0..6 {
+        let here_is = normal.misfit;
+        for attempt in 1..=ATTEMPTS {
             let Some((moved, promised)) = normal.step(&here, damping, active) else {
                 damping *= T::literal(100.0);
                 continue;
             };
             if promised < T::ZERO {
                 // The way around the bounds leads uphill: closer to the gradient it does not.
-                damping = damping.larger(T::literal(1e-3)) * T::literal(10.0);
+                damping = shorter(damping);
                 continue;
             }
-            if promised <= settings.tolerance {
+            if promised <= settings.tolerance * here_is.mean_square().larger(T::ONE) {
                 ending = Ending::Bottom;
                 break 'steps;
             }
-            let next = normal_equations(problem, &moved, settings.difference, steppers);
-            evaluations += cost_of_normal;
-            if next.misfit.chi_square < normal.misfit.chi_square {
-                here = moved;
-                normal = next;
-                damping *= T::literal(0.1);
-                continue 'steps;
+            let is_lower = |there: Misfit<T>| there.chi_square < here_is.chi_square;
+            evaluations += u32::from(is_wary);
+            if !is_wary
+                || is_lower(problem.misfit_within(&moved, select(steppers, 0, true), here_is.chi_square))
+            {
+                let next = normal_equations(problem, &moved, settings.difference, steppers);
+                evaluations += cost_of_normal;
+                if is_lower(next.misfit) {
+                    here = moved;
+                    normal = next;
+                    damping *= T::literal(0.1);
+                    continue 'steps;
+                }
             }
-            damping = damping.larger(T::literal(1e-3)) * T::literal(10.0);
-            if attempt == 5 {
+            is_wary = true;
+            damping = shorter(damping);
+            if attempt == ATTEMPTS {
                 ending = Ending::Stuck;
                 break 'steps;
             }

@@ -172,13 +172,9 @@ impl Job for Polish<'_> {
 
     fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Self::Output {
         let genes = genes_of(problem, self.start);
-        let left = problem.misfit(&genes, &mut steppers[0]);
-        if left.count == 0 {
-            return None;
-        }
-        let tolerance = WORTH_A_STEP * left.mean_square().max(1.0);
-        let settings = Settings { tolerance, steps: self.steps, ..Settings::default() };
+        let settings = Settings { tolerance: WORTH_A_STEP, steps: self.steps, ..Settings::default() };
         let found = finish(problem, &genes, &settings, steppers);
-        Some(polished(problem, &found.genes, &found.normal, found.normal.misfit, found.evaluations + 1))
+        let misfit = found.normal.misfit;
+        (misfit.count > 0).then(|| polished(problem, &found.genes, &found.normal, misfit, found.evaluations))
     }
 }
