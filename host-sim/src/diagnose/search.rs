@@ -50,8 +50,13 @@ pub(super) fn search(case: &Case<'_>, root: Hypothesis, watch: &(dyn Fn(&str, f6
         if is_explained && grown[0].added.len() >= MOST_EXPLAINED {
             break;
         }
-        // What the held-out records speak against is grown last.
-        grown.sort_by_cached_key(|new| !new.is_welcome(case, &tried));
+        // What does not earn its place is grown last. One effect may need another beside it; where no two of them earn
+        // theirs, a third does not make up for it.
+        let is_unwelcome = |new: &Hypothesis| !new.is_welcome(case, &tried);
+        grown.sort_by_cached_key(is_unwelcome);
+        if stage > 0 && is_unwelcome(&grown[0]) {
+            break;
+        }
         grown.truncate(if is_explained { 1 } else { BEAM });
         beam = grown;
     }
