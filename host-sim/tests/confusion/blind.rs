@@ -18,6 +18,8 @@ const COUNT: u64 = 120;
 /// Sizes of the effects, in their floors.
 const FAINTEST: f64 = 2.0;
 const STRONGEST: f64 = 10.0;
+/// Least floor of an effect that is drawn, in its sizes: the steps of the plant do not follow a mount that is stiffer still.
+const LEAST_FLOOR: f64 = 1e-4;
 /// Sets of channels: each case has one.
 static SETS: [&ChannelSet; 2] = [&CHANNEL_SETS[0], &CHANNEL_SETS[2]];
 /// What the cases are, in turn.
@@ -190,8 +192,10 @@ impl Case {
             let reversed = random.uniform() < 0.5;
             let shape = Shape { reversed, stretch: log_uniform(&mut random, 0.5..2.0) };
             let is_there = case.effects.iter().any(|present| present.effect.name == effect.name);
-            let most = shape.most(effect) / floor::of(effect, &shape, &case);
-            if !is_there && most > FAINTEST {
+            let floor = floor::of(effect, &shape, &case);
+            let most = shape.most(effect) / floor;
+            let is_followed = floor > LEAST_FLOOR * effect.sizes[0];
+            if !is_there && is_followed && most > FAINTEST {
                 case.effects.push(Presence { effect, floors: floors.min(most), shape });
             }
         }

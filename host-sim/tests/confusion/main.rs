@@ -2,7 +2,7 @@
 //! independent plant, with the effect at half, once and twice the size from which statistics can see it.
 //!
 //! `docs/confusion.md` is the result, `docs/blind.md` that of cases of which everything is drawn at random. `cargo xtask
-//! confusion` and `cargo xtask blind` make them anew, which takes some twenty and forty minutes; the tests make a part of
+//! confusion` and `cargo xtask blind` make them anew, which takes ten to twenty minutes each; the tests make a part of
 //! them and compare.
 
 #[path = "../../../tests/common/mod.rs"]
@@ -36,7 +36,7 @@ fn write_the_table() {
 }
 
 #[test]
-#[ignore = "the drawn cases take some forty minutes"]
+#[ignore = "the drawn cases take some ten minutes"]
 fn write_the_drawn_cases() {
     // Numbers of cases, separated by blanks, that are to be shown in place of the document.
     let chosen = std::env::var("BLIND_CASES").unwrap_or_default();
