@@ -32,7 +32,7 @@ enum Task {
     Test,
     /// Link the release firmware for every board, panic check included.
     Firmware,
-    /// Make `docs/confusion.md` anew: what `diagnose` makes of every effect of the catalogue. Some ten minutes.
+    /// Make `docs/confusion.md` anew: what `diagnose` makes of every effect of the catalogue. Some twenty minutes.
     Confusion,
     /// Make `docs/blind.md` anew: what it makes of actuators of which everything is drawn at random. Some ten minutes.
     Blind {
