@@ -71,12 +71,12 @@ pub trait Real: Scalar<Mask = bool> + PartialOrd {
     /// Largest integer not above `self`, for magnitudes below 2^31.
     fn whole(self) -> Self;
 
-    /// Series of `exp(x)`, of `cos(x)` in `x^2`, and of `sin(x)/x` in `x^2`: constants of the type, so that no
-    /// double-precision code reaches an MCU however the compiler is set.
+    /// Series of `exp(x)`. A constant of the type, as the two below, so that no double-precision code reaches an MCU however
+    /// the compiler is set.
     const EXPONENTIAL: [Self; 16];
-    #[expect(missing_docs, reason = "told with the first of the three")]
+    /// Series of `cos(x)` in `x^2`.
     const COSINE: [Self; 8];
-    #[expect(missing_docs, reason = "told with the first of the three")]
+    /// Series of `sin(x)/x` in `x^2`.
     const SINE: [Self; 8];
 
     /// `exp(-self)` for `self >= 0`, by argument halving and a polynomial; relative error below 2e-5 (`f32`), 1e-13 (`f64`).

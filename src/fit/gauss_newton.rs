@@ -408,7 +408,7 @@ where
     // looked at before its slopes are taken.
     let mut is_wary = false;
     'steps: for _ in 0..settings.steps {
-        let here_is = normal.misfit;
+        let left = normal.misfit;
         for attempt in 1..=ATTEMPTS {
             let Some((moved, promised)) = normal.step(&here, damping, active) else {
                 damping *= T::literal(100.0);
@@ -419,15 +419,14 @@ where
                 damping = shorter(damping);
                 continue;
             }
-            if promised <= settings.tolerance * here_is.mean_square().larger(T::ONE) {
+            if promised <= settings.tolerance * left.mean_square().larger(T::ONE) {
                 ending = Ending::Bottom;
                 break 'steps;
             }
-            let is_lower = |there: Misfit<T>| there.chi_square < here_is.chi_square;
+            let is_lower = |there: Misfit<T>| there.chi_square < left.chi_square;
+            let mut look = || problem.misfit_within(&moved, select(steppers, 0, true), left.chi_square);
             evaluations += u32::from(is_wary);
-            if !is_wary
-                || is_lower(problem.misfit_within(&moved, select(steppers, 0, true), here_is.chi_square))
-            {
+            if !is_wary || is_lower(look()) {
                 let next = normal_equations(problem, &moved, settings.difference, steppers);
                 evaluations += cost_of_normal;
                 if is_lower(next.misfit) {

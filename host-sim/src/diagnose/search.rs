@@ -52,13 +52,14 @@ pub(super) fn search(case: &Case<'_>, root: Hypothesis, watch: &(dyn Fn(&str, f6
         }
         // What does not earn its place is grown last. One effect may need another beside it; where no two of them earn
         // theirs, a third does not make up for it.
-        let is_unwelcome = |new: &Hypothesis| !new.is_welcome(case, &tried);
-        grown.sort_by_cached_key(is_unwelcome);
-        if stage > 0 && is_unwelcome(&grown[0]) {
+        let (mut next, unwelcome): (Vec<_>, Vec<_>) =
+            grown.into_iter().partition(|new| new.is_welcome(case, &tried));
+        if stage > 0 && next.is_empty() {
             break;
         }
-        grown.truncate(if is_explained { 1 } else { BEAM });
-        beam = grown;
+        next.extend(unwelcome);
+        next.truncate(if is_explained { 1 } else { BEAM });
+        beam = next;
     }
     watch("testing what was found", 0.9);
     let mut sound = Sound::of(case, &mut tried);
