@@ -3,7 +3,8 @@
 //! An effect is a set of [`Parameter`]s that are zero (or at the source's value) where it is absent; the blocks of
 //! [`crate::model`] hold its equation. Units and bounds are those of the parameters.
 
-use crate::parameter::Parameter;
+use crate::parameter::{Parameter, Parameters};
+use crate::scalar::Real;
 
 /// Where in the loop an effect acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -195,5 +196,24 @@ impl EffectInfo {
     /// The effect of a name.
     pub fn named(name: &str) -> Option<&'static Self> {
         EFFECTS.iter().find(|entry| entry.name == name)
+    }
+
+    /// The effect that cannot be told from this one whatever is measured, and the value of its one parameter that makes the
+    /// model of `with`, this effect in it, from that of `without`. None where there is no such effect, or no such value.
+    ///
+    /// All that the fluid shows of a pressure gain and of a leak is `1/GPQ + Clk`, with `GPQ = GP sqrt(k)/GQ` at the supply
+    /// ratio `k`.
+    pub fn twin<T: Real>(&self, with: &Parameters<T>, without: &Parameters<T>) -> Option<(&'static Self, T)> {
+        let per_gain = |p: &Parameters<T>| p.flow_gain / p.supply_ratio.root();
+        let conductance = per_gain(with) / with.pressure_gain + with.leakage;
+        let (name, value) = match self.parameters {
+            [Parameter::PressureGain] => ("leakage", conductance - per_gain(without) / without.pressure_gain),
+            [Parameter::Leakage] => ("pressure-gain", per_gain(without) / (conductance - without.leakage)),
+            _ => return None,
+        };
+        let twin = Self::named(name)?;
+        let info = twin.parameters[0].info();
+        let possible = T::literal(info.lower)..=T::literal(info.upper);
+        possible.contains(&value).then_some((twin, value))
     }
 }

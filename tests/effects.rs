@@ -3,7 +3,7 @@
 mod common;
 
 use common::{PERIOD, Rig, Trace, command, rms, simulate_begun};
-use eha_monitor::effect::EFFECTS;
+use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::integrate::Stepper;
 use eha_monitor::integrate::exact::{Exact, FINE};
 use eha_monitor::model::state::{BASE_ORDER, FULL_ORDER};
@@ -181,6 +181,31 @@ fn a_vanishing_size_vanishes() {
         let distance = with_effect(base, &small).core(&samples).distance(&expected);
         assert!(distance.user < 0.05, "{effect} next to {neutral}: {distance}");
     }
+}
+
+#[test]
+fn twins_are_the_same_model() {
+    let samples = command("mixed", 300);
+    let base = with_effect(faulty(ValveForm::TwoStage, Feedback::Ram), &[(P::SupplyRatio, 0.9)]);
+    for (effect, parameter, value) in [
+        ("leakage", P::Leakage, 4e-13),
+        ("pressure-gain", P::PressureGain, 3e10),
+        ("pressure-gain", P::PressureGain, 1.02e11),
+    ] {
+        let one = with_effect(base, &[(parameter, value)]);
+        let (twin, same) =
+            EffectInfo::named(effect).unwrap().twin(&one.parameters, &base.parameters).unwrap();
+        let distance = |value: f64| {
+            with_effect(base, &[(twin.parameters[0], value)]).core(&samples).distance(&one.core(&samples)).ram
+        };
+        println!("{effect}: {} um, {} um at a value 1 % higher", distance(same), distance(1.01 * same));
+        assert!(distance(same) < 1e-6, "{effect}: {}", distance(same));
+        assert!(distance(1.01 * same) > 1e-3, "the check sees 1 %: {}", distance(1.01 * same));
+    }
+    // A leak can only add to the conductance, and no other effect has a twin.
+    let tighter = with_effect(base, &[(P::PressureGain, 2e11)]).parameters;
+    assert_eq!(EffectInfo::named("pressure-gain").unwrap().twin(&tighter, &base.parameters), None);
+    assert_eq!(EffectInfo::named("spring-load").unwrap().twin(&tighter, &base.parameters), None);
 }
 
 #[test]

@@ -2,18 +2,22 @@
 
 use super::place::{self, Place};
 use super::signature::Signatures;
-use crate::fit::{self, Polished, Prepared};
+use crate::fit::{self, FitSettings, Polished, Prepared};
+use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::EffectInfo;
+use eha_monitor::fit::identify::within_noise;
 use eha_monitor::model::{Drive, ValveForm};
 use eha_monitor::parameter::Parameter;
+use rayon::prelude::*;
+use std::cmp::Ordering;
 
 /// Factor by which a range is widened where a fit ends at its edge, and how often.
 const WIDER: f64 = 10.0;
 const MOST_WIDENED: usize = 3;
 
 /// Can an effect act in a rig at all? An effect of the valve or the fluid needs them; one whose parameter is free
-/// already is part of the model.
+/// already is part of the model; beside too many others there is no place for its own.
 pub(super) fn applies(effect: &EffectInfo, rig: &Rig, ranges: &[Range]) -> bool {
     use eha_monitor::effect::Port;
     let part_of_model =
@@ -26,7 +30,8 @@ pub(super) fn applies(effect: &EffectInfo, rig: &Rig, ranges: &[Range]) -> bool 
     let out_of_place = (in_hydraulics && rig.form.drive == Drive::Force)
         || (pilot && rig.form.valve == ValveForm::FirstOrder);
     let no_drive = effect.port == Port::Drive && rig.form.drive == Drive::Valve;
-    !part_of_model && !out_of_place && !no_drive
+    let too_many = ranges.len() + effect.parameters.len() > fit::MAX_FREE;
+    !part_of_model && !out_of_place && !no_drive && !too_many
 }
 
 /// An effect as the linear model sees it, before anything is fitted.
@@ -43,7 +48,7 @@ pub(super) struct Prospect {
 }
 
 /// Looks at an effect beside the parameters that are free already, whose present values are in the rig; `signatures` are
-/// those around it. None where the records say nothing about the effect, or too many parameters are free.
+/// those around it. None where the records say nothing about the effect.
 pub(super) fn look(
     effect: &'static EffectInfo,
     rig: &Rig,
@@ -51,9 +56,6 @@ pub(super) fn look(
     records: &[Prepared],
     signatures: &Signatures<'_>,
 ) -> Option<Prospect> {
-    if ranges.len() + effect.parameters.len() > fit::MAX_FREE {
-        return None;
-    }
     let base = Place::of(rig, ranges);
     let places: Vec<Place> =
         place::places(effect, rig, records, signatures).iter().map(|place| base.with(place)).collect();
@@ -65,10 +67,23 @@ pub(super) fn look(
 }
 
 impl Prospect {
-    /// A rough fit, from what the linear model foresees and from each place where it was looked for: what was free
+    /// A rough fit from the most promising place; see [`Self::rough`]. Where it leaves more than noise, valleys of what
+    /// rings are tried as well.
+    pub(super) fn approach(&self, rig: &Rig, records: &[Prepared], others: &[Vec<f64>]) -> Option<Candidate> {
+        let rough = self.rough(rig, records, others)?;
+        if within_noise(&rough.fit.misfit) {
+            return Some(rough);
+        }
+        let ringing = place::ringing(&rough, rig, records);
+        let ringing =
+            ringing.iter().filter_map(|place| self.from(rig, &place.ranges, &place.values, records));
+        ringing.chain([rough]).min_by(lower)
+    }
+
+    /// A rough fit, from what the linear model foresees and from each place where the effect was looked for: what was free
     /// before first follows it there, because it may have been far off to make up for the effect. `others` are more
     /// values of that to start from.
-    pub(super) fn approach(&self, rig: &Rig, records: &[Prepared], others: &[Vec<f64>]) -> Option<Candidate> {
+    fn rough(&self, rig: &Rig, records: &[Prepared], others: &[Vec<f64>]) -> Option<Candidate> {
         let before = self.ranges.len() - self.effect.parameters.len();
         let followed = self.places.iter().filter_map(|Place { ranges, values }| {
             let mut there = rig.clone();
@@ -86,13 +101,19 @@ impl Prospect {
         });
         let starts =
             std::iter::once((&self.ranges, self.foreseen.values.clone())).chain(best).chain(elsewhere);
-        starts
-            .filter_map(|(ranges, start)| {
-                let fit = fit::approach(rig, ranges, &start, records)?;
-                Some(Candidate { effect: self.effect, ranges: ranges.clone(), fit })
-            })
-            .min_by(|a, b| a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square))
+        starts.filter_map(|(ranges, start)| self.from(rig, ranges, &start, records)).min_by(lower)
     }
+
+    /// A rough fit from a start.
+    fn from(&self, rig: &Rig, ranges: &[Range], start: &[f64], records: &[Prepared]) -> Option<Candidate> {
+        let fit = fit::approach(rig, ranges, start, records)?;
+        Some(Candidate { effect: self.effect, ranges: ranges.to_vec(), fit })
+    }
+}
+
+/// Which of two candidates has the lower chi-square.
+fn lower(a: &Candidate, b: &Candidate) -> Ordering {
+    a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square)
 }
 
 /// An effect that was fitted together with everything that was free before.
@@ -119,6 +140,32 @@ impl Candidate {
         rig.effects.push(self.effect);
         rig
     }
+}
+
+/// The best that the genetic search finds for an effect beside the parameters that are free already, in some spans of it;
+/// none where chi-square is not below a bound there.
+pub(super) fn searched(
+    effect: &'static EffectInfo,
+    rig: &Rig,
+    free: &[Range],
+    records: &[Prepared],
+    settings: &FitSettings,
+    bound: f64,
+) -> Option<Candidate> {
+    let search = |span: Vec<Range>| {
+        let ranges = [free, &span].concat();
+        let found = fit::fit(rig, &ranges, records, settings, |_| {});
+        (ranges, found)
+    };
+    let (ranges, found) = place::spans(effect, rig, records)
+        .into_par_iter()
+        .filter(|_| !interrupt::requested())
+        .map(search)
+        .filter(|(_, found)| found.misfit.chi_square < bound)
+        .min_by(|(_, a), (_, b)| a.misfit.chi_square.total_cmp(&b.misfit.chi_square))?;
+    let values: Vec<f64> = found.estimates.iter().map(|estimate| estimate.value).collect();
+    let (ranges, fit) = fitted(rig, ranges, &values, records)?;
+    Some(Candidate { effect, ranges, fit })
 }
 
 /// Fits the ranges from a start, those of effects wider where the fit ends at their edge; none where the records hold

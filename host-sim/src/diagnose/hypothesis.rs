@@ -6,7 +6,7 @@ use super::residual;
 use super::signature::Signatures;
 use super::weighing::Earned;
 use super::{Case, RESIDUAL_LIMIT};
-use crate::fit::{self, Estimate, Fit, Polished};
+use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, FitSettings, Polished};
 use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
@@ -32,8 +32,7 @@ const NAMING_SHARE: f64 = 0.99;
 const CONFOUNDED: f64 = 5.0;
 /// Twice the logarithm of the odds (100 to 1) below which two effects are not told apart.
 pub(super) const CLASS_EVIDENCE: f64 = 9.2;
-/// Fall of chi-square from which a valley is another one, and how often a model moves to one.
-pub(super) const BETTER_VALLEY: f64 = 1.0;
+/// How often a model moves to a better valley.
 const MOST_MOVES: usize = 3;
 /// Twice the logarithm of the odds (10^50 to 1) against a candidate beside the best that no held-out record makes up for.
 const HOPELESS: f64 = 230.0;
@@ -321,6 +320,18 @@ impl Hypothesis {
         self.with(case, candidates)
     }
 
+    /// The hypotheses with one more effect that fit better than a bound where everything free is searched for anew, the
+    /// faults in all of their ranges: what no slope leads to from here.
+    pub(super) fn searched(&self, case: &Case<'_>, settings: &FitSettings, bound: f64) -> Vec<Self> {
+        let applied = |effect: &&'static EffectInfo| candidate::applies(effect, &self.rig, &self.ranges);
+        let search =
+            |effect| candidate::searched(effect, &self.rig, &self.ranges, case.train(), settings, bound);
+        let mut found: Vec<Candidate> = EFFECTS.par_iter().filter(applied).filter_map(search).collect();
+        found.sort_by(|a, b| a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square));
+        found.truncate(MOST_FITTED);
+        self.with(case, found)
+    }
+
     /// The same model without an effect, if it is among those that were fitted before.
     pub(super) fn known_without<'a>(&self, effect: &EffectInfo, known: &'a [Self]) -> Option<&'a Self> {
         let is_it = |known: &&Self| {
@@ -361,10 +372,13 @@ impl Hypothesis {
         let limit = mine(self.train.misfit.chi_square, earned.effect);
         let joint_limit = mine(self.joint.misfit.chi_square, earned.effect);
         let without = &earned.without;
-        let value = |range: &Range| self.rig.parameters.get(range.parameter);
-        let here = without.ranges.iter().map(value).collect();
+        let here = Place::of(&self.rig, &without.ranges);
         let wanted = without.train.misfit.chi_square - scale * limit;
-        let mut others = without.fit_promising(case, wanted, &[here]);
+        let mut others = without.fit_promising(case, wanted, std::slice::from_ref(&here.values));
+        if let Some(twin) = self.twin(case, earned, &here) {
+            others.retain(|other| other.effect.name != twin.effect.name);
+            others.push(twin);
+        }
         others.retain(|other| {
             other.effect.name != earned.effect.name
                 && other.fit.misfit.chi_square / scale + self.price(other.effect, scale) < limit
@@ -375,6 +389,18 @@ impl Hypothesis {
             other.joint.misfit.chi_square / scale + price < joint_limit
         });
         others
+    }
+
+    /// The effect that cannot be told from one that was added, in its place; `here` is what else is free.
+    fn twin(&self, case: &Case<'_>, earned: &Earned, here: &Place) -> Option<Candidate> {
+        let rig = &earned.without.rig;
+        let (effect, value) = earned.effect.twin(&self.rig.parameters, &rig.parameters)?;
+        let range = Range::around(effect.parameters[0], value, effect.sizes[0]);
+        let start = here.with(&Place { ranges: vec![range], values: vec![value] });
+        let is_possible = candidate::applies(effect, rig, &here.ranges);
+        let fitted = || candidate::fitted(rig, start.ranges, &start.values, case.train());
+        let (ranges, fit) = is_possible.then(fitted).flatten()?;
+        Some(Candidate { effect, ranges, fit })
     }
 }
 

@@ -10,6 +10,9 @@
 //! keep the best few hypotheses, grow each by another effect, until one leaves noise or nothing helps (up to five)
 //!        |
 //!        v
+//! none leaves noise: search faults and one effect anew in all of their ranges (genetic), grow what is better
+//!        |
+//!        v
 //! drop what does not earn its place beside the others: significant, matters, validates on the held-out records
 //!        |
 //!        v
@@ -26,15 +29,17 @@ mod search;
 mod signature;
 mod weighing;
 
-use crate::fit::{self, Estimate, Fit, FitSettings, Polished, Prepared};
+use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, FitSettings, Polished, Prepared};
 use crate::rig::Rig;
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
-use hypothesis::{BETTER_VALLEY, Hypothesis};
+use hypothesis::Hypothesis;
 use residual::{ChannelResidual, Description, MEASURED};
 use weighing::Earned;
 
+/// Seeds from which the declared faults are fitted where the first leaves more than noise.
+const ROOT_SEEDS: u64 = 8;
 /// Standard deviations of the residual tests: with four channels, a chance of 1e-4 of a false alarm.
 const RESIDUAL_LIMIT: f64 = 5.0;
 
@@ -149,7 +154,7 @@ impl<'a> Case<'a> {
 pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f64) + Sync)) -> Diagnosis {
     let ranges = case.rig.declared();
     watch("fitting the declared faults", 0.0);
-    let mut before = fit::fit(case.rig, &ranges, case.train(), settings, |_| {});
+    let mut before = fit::fit_from_seeds(case.rig, &ranges, case.train(), settings, ROOT_SEEDS);
     let root = Hypothesis::root(case, &before, ranges);
     // Long records are searched in excerpts; what is found is then fitted to the whole.
     let excerpts: Vec<Option<Prepared>> = case.records.iter().map(Prepared::excerpt).collect();
@@ -161,7 +166,7 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f
         .collect();
     let searched = Case { records: &searched, ..*case };
     let root = if in_excerpts { root.refitted(&searched) } else { root };
-    let sound = search::search(&searched, root, watch);
+    let sound = search::search(&searched, root, settings, watch);
     let Hypothesis { ranges, train: Polished { values, .. }, .. } = &sound.root;
     let there = fit::misfit(case.rig, ranges, values, case.train());
     if there.chi_square < before.misfit.chi_square - BETTER_VALLEY {

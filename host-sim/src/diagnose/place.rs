@@ -1,8 +1,9 @@
 //! Where the fit of an effect starts, and how far around it looks.
 
+use super::candidate::Candidate;
 use super::ripple::{self, Ripple};
 use super::signature::Signatures;
-use crate::fit::Prepared;
+use crate::fit::{self, Prepared};
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::parameter::Parameter;
@@ -25,6 +26,14 @@ const UNSEEN: f64 = 1.0;
 const MOST_PLACES: usize = 3;
 /// Where an effect that can be on either side of its absence is looked for, and how far around, in its sizes.
 const EITHER_SIDE: &[(f64, f64)] = &[(-2.0, REACH), (0.0, NEAR), (0.0, REACH), (2.0, REACH)];
+/// Sizes in a decade at which ringing oil is tried, and over how many decades below its size: a valley is half a hundredth
+/// as wide as the compressibility there. Larger ones ring slower, and their valleys are wide; smaller ones are not seen.
+const RINGING_PER_DECADE: i32 = 460;
+const RINGING_DECADES: i32 = 2;
+/// Half width of the search around such a size, as a part of it.
+const RINGING_REACH: f64 = 0.1;
+/// Half widths of the search for an effect where no slope leads to it, in its sizes.
+const SPANS: &[f64] = &[REACH, 5.0, 1.0, 0.2];
 /// Times at which a step load is tried.
 const STEP_TIMES: usize = 40;
 
@@ -70,6 +79,52 @@ pub(super) fn places(
     }
 }
 
+/// Where ringing oil explains more than a rough fit of it does, everything else as the fit has it; none of another effect.
+/// The phase of what rings tells its valleys apart, and no slope leads from one to the next.
+pub(super) fn ringing(rough: &Candidate, rig: &Rig, records: &[Prepared]) -> Vec<Place> {
+    let &[compliance @ Parameter::OilCompliance] = rough.effect.parameters else { return Vec::new() };
+    let (Some((_, ranges)), Some((_, values))) = (rough.ranges.split_last(), rough.fit.values.split_last())
+    else {
+        return Vec::new();
+    };
+    let rest = Place { ranges: ranges.to_vec(), values: values.to_vec() };
+    let place = |step: usize| {
+        let size = rough.effect.sizes[0] * 10_f64.powf(-(step as f64) / f64::from(RINGING_PER_DECADE));
+        let range = Range::around(compliance, size, RINGING_REACH * size);
+        rest.with(&Place { ranges: vec![range], values: vec![size] })
+    };
+    let bound = rough.fit.misfit.chi_square;
+    let cost = |place: Place| {
+        let chi_square = fit::misfit_within(rig, &place.ranges, &place.values, records, bound).chi_square;
+        if chi_square < bound { chi_square } else { f64::INFINITY }
+    };
+    let steps = (RINGING_PER_DECADE * RINGING_DECADES) as usize;
+    let costs: Vec<f64> = (0..steps).into_par_iter().map(|step| cost(place(step))).collect();
+    valleys(&costs, f64::INFINITY).into_iter().map(place).collect()
+}
+
+/// The ranges in which an effect of a rig is searched where no slope leads to it, the widest first.
+pub(super) fn spans(effect: &EffectInfo, rig: &Rig, records: &[Prepared]) -> Vec<Vec<Range>> {
+    let around = |index: usize, sizes: f64| {
+        let parameter = effect.parameters[index];
+        if parameter == Parameter::StepLoadTime {
+            return Range { parameter, lower: 0.0, upper: longest(records) };
+        }
+        Range::around(parameter, rig.parameters.get(parameter), sizes * effect.sizes[index])
+    };
+    let span = |&first: &f64| {
+        (0..effect.parameters.len())
+            .map(|index| around(index, if index == 0 { first } else { REACH }))
+            .collect()
+    };
+    SPANS.iter().map(span).collect()
+}
+
+/// Duration of the longest of some records, s.
+fn longest(records: &[Prepared]) -> f64 {
+    records.iter().map(|record| record.len() as f64 * record.sample_period).fold(0.0, f64::max)
+}
+
 /// What looks for the places of an effect.
 struct Seeker<'a> {
     effect: &'a EffectInfo,
@@ -101,8 +156,7 @@ impl Seeker<'_> {
 
     /// The times at which a step of the load explains most.
     fn steps(&self, records: &[Prepared]) -> Vec<Place> {
-        let duration = |record: &Prepared| record.len() as f64 * record.sample_period;
-        let upper = records.iter().map(duration).fold(0.0, f64::max);
+        let upper = longest(records);
         let time = |index: usize| upper * (index as f64 + 0.5) / STEP_TIMES as f64;
         let step = 0.5 * self.effect.sizes[0];
         let tried: Vec<(f64, f64)> = (0..STEP_TIMES)

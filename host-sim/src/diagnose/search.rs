@@ -3,6 +3,7 @@
 use super::Case;
 use super::hypothesis::{CLASS_EVIDENCE, Hypothesis};
 use super::weighing::Earned;
+use crate::fit::FitSettings;
 use crate::interrupt;
 
 /// Most effects that are added.
@@ -15,52 +16,15 @@ const BEAM: usize = 3;
 /// left is coloured; of one that swings some hundred times, the best of the catalogue takes a tenth by chance.
 const GROWING_SHARE: f64 = 0.1;
 
+/// What is told of progress: what is being done, and how much of the whole (0 to 1) is.
+type Watch<'a> = &'a (dyn Fn(&str, f64) + Sync);
+
 /// Grows the model with the declared faults alone by effects, and drops what does not earn its place.
-pub(super) fn search(case: &Case<'_>, root: Hypothesis, watch: &(dyn Fn(&str, f64) + Sync)) -> Sound {
-    let mut beam = vec![root];
-    let mut tried = beam.clone();
-    for stage in 0..MOST_EFFECTS {
-        if interrupt::requested() {
-            break;
-        }
-        let label = format!("trying effects, round {}", stage + 1);
-        let mut grown: Vec<Hypothesis> = Vec::new();
-        for (index, hypothesis) in beam.iter_mut().enumerate() {
-            let share = (stage as f64 + index as f64 / BEAM as f64 + 0.5) / (MOST_EFFECTS as f64 + 1.0);
-            watch(&label, share);
-            for new in hypothesis.grow(case) {
-                if !grown.iter().any(|known| known.same_effects(&new)) {
-                    grown.push(new);
-                }
-            }
-        }
-        tried.retain(|known| !beam.iter().any(|moved| moved.same_effects(known)));
-        tried.extend(beam.iter().cloned());
-        let scale = grown.iter().chain(&tried).map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
-        tried.extend(grown.iter().cloned());
-        grown.sort_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)));
-        let best = grown.first().map_or(f64::INFINITY, |first| first.cost(scale));
-        let settled = beam.iter().all(|parent| parent.cost(scale) <= best);
-        let helpless = grown.iter().all(|new| new.share_of(&beam[0]) < GROWING_SHARE);
-        if settled || helpless {
-            break;
-        }
-        // Where the best leaves noise, a further effect can only be hidden in it.
-        let is_explained = grown[0].leaves_noise(case);
-        if is_explained && grown[0].added.len() >= MOST_EXPLAINED {
-            break;
-        }
-        // What does not earn its place is grown last. One effect may need another beside it; where no two of them earn
-        // theirs, a third does not make up for it.
-        let (mut next, unwelcome): (Vec<_>, Vec<_>) =
-            grown.into_iter().partition(|new| new.is_welcome(case, &tried));
-        if stage > 0 && next.is_empty() {
-            break;
-        }
-        next.extend(unwelcome);
-        next.truncate(if is_explained { 1 } else { BEAM });
-        beam = next;
-    }
+pub(super) fn search(case: &Case<'_>, root: Hypothesis, settings: &FitSettings, watch: Watch<'_>) -> Sound {
+    let mut growth = Growth { case, watch, tried: vec![root.clone()] };
+    growth.run(vec![root], [0.0, 0.6]);
+    growth.run_from_afar(settings);
+    let mut tried = growth.tried;
     watch("testing what was found", 0.9);
     let mut sound = Sound::of(case, &mut tried);
     for _ in 0..MOST_EFFECTS {
@@ -74,6 +38,88 @@ pub(super) fn search(case: &Case<'_>, root: Hypothesis, watch: &(dyn Fn(&str, f6
         sound = Sound::of(case, &mut tried);
     }
     sound
+}
+
+/// A beam search over effects.
+struct Growth<'a> {
+    case: &'a Case<'a>,
+    watch: Watch<'a>,
+    /// All that was tried.
+    tried: Vec<Hypothesis>,
+}
+
+impl Growth<'_> {
+    /// Grows hypotheses as long as that helps, between two shares of the whole.
+    fn run(&mut self, mut beam: Vec<Hypothesis>, [from, to]: [f64; 2]) {
+        while !beam.is_empty() && !interrupt::requested() {
+            let stage = beam[0].added.len();
+            if stage >= MOST_EFFECTS {
+                break;
+            }
+            let label = format!("trying effects, round {}", stage + 1);
+            let mut grown: Vec<Hypothesis> = Vec::new();
+            for (index, hypothesis) in beam.iter_mut().enumerate() {
+                let share = (stage as f64 + (index as f64 + 0.5) / BEAM as f64) / MOST_EFFECTS as f64;
+                (self.watch)(&label, from + share * (to - from));
+                for new in hypothesis.grow(self.case) {
+                    if !grown.iter().any(|known| known.same_effects(&new)) {
+                        grown.push(new);
+                    }
+                }
+            }
+            beam = self.chosen(&beam, grown);
+        }
+    }
+
+    /// Keeps a beam and what grew from it, and says what is grown next: nothing where that would not help.
+    fn chosen(&mut self, beam: &[Hypothesis], mut grown: Vec<Hypothesis>) -> Vec<Hypothesis> {
+        let Self { case, tried, .. } = self;
+        tried.retain(|known| !beam.iter().any(|moved| moved.same_effects(known)));
+        tried.extend(beam.iter().cloned());
+        let scale = grown.iter().chain(&*tried).map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
+        tried.extend(grown.iter().cloned());
+        grown.sort_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)));
+        let best = grown.first().map_or(f64::INFINITY, |first| first.cost(scale));
+        let settled = beam.iter().all(|parent| parent.cost(scale) <= best);
+        let helpless = grown.iter().all(|new| new.share_of(&beam[0]) < GROWING_SHARE);
+        if settled || helpless {
+            return Vec::new();
+        }
+        // Where the best leaves noise, a further effect can only be hidden in it.
+        let is_explained = grown[0].leaves_noise(case);
+        if is_explained && grown[0].added.len() >= MOST_EXPLAINED {
+            return Vec::new();
+        }
+        // What does not earn its place is grown last. One effect may need another beside it; where no two of them earn
+        // theirs, a third does not make up for it.
+        let (mut next, unwelcome): (Vec<_>, Vec<_>) =
+            grown.into_iter().partition(|new| new.is_welcome(case, tried));
+        if next.is_empty() && unwelcome[0].added.len() > 1 {
+            return next;
+        }
+        next.extend(unwelcome);
+        next.truncate(if is_explained { 1 } else { BEAM });
+        next
+    }
+
+    /// Where nothing that was tried leaves noise: grows what a search from afar finds to be better than all of it.
+    fn run_from_afar(&mut self, settings: &FitSettings) {
+        let Self { case, watch, tried } = &*self;
+        if interrupt::requested() || tried.iter().any(|known| known.leaves_noise(case)) {
+            return;
+        }
+        watch("searching from afar", 0.65);
+        let best = |chi_square: f64, known: &Hypothesis| chi_square.min(known.train.misfit.chi_square);
+        let bound = tried.iter().fold(f64::INFINITY, best);
+        let Some(root) = tried.iter().find(|known| known.added.is_empty()).cloned() else { return };
+        let found = root.searched(case, settings, bound);
+        if found.is_empty() {
+            return;
+        }
+        self.tried.retain(|known| !found.iter().any(|new| new.same_effects(known)));
+        let beam = self.chosen(&[root], found);
+        self.run(beam, [0.75, 0.9]);
+    }
 }
 
 /// The best hypothesis whose effects all earn their place.

@@ -10,7 +10,7 @@ pub use closed_loop::{LoopScore, loop_score};
 pub use noise::{
     NoiseSource, SMALLEST_NOISE, correlation_time, noise_of, noise_source, pooled, quantum, residual_series,
 };
-pub use polish::{Polished, approach, foresee, misfit, polish};
+pub use polish::{Polished, approach, foresee, misfit, misfit_within, polish};
 pub use prepare::{Prepared, prepare, prepare_with};
 
 use crate::interrupt;
@@ -22,12 +22,16 @@ use eha_monitor::integrate::Stepper;
 use eha_monitor::model::state::Outputs;
 use eha_monitor::parameter::{Parameter, Parameters};
 use engine::{FIT_TOLERANCE, Job, LOOK_TOLERANCE, on_records};
+use rayon::prelude::*;
 use std::time::Instant;
 
 /// Most parameters that one fit may free.
 pub const MAX_FREE: usize = 16;
 /// Most members of a population.
 pub const MAX_POPULATION: usize = 64;
+
+/// Fall of chi-square from which a valley is another one.
+pub const BETTER_VALLEY: f64 = 1.0;
 
 /// How a fit is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -174,6 +178,27 @@ pub fn fit(
     mut watch: impl FnMut(Standing),
 ) -> Fit {
     on_records(rig, ranges, records, FIT_TOLERANCE, Search { settings, near: None, watch: &mut watch })
+}
+
+/// The same; where it leaves more than noise, the best valley that some fits find that differ in their seed.
+pub fn fit_from_seeds(
+    rig: &Rig,
+    ranges: &[Range],
+    records: &[Prepared],
+    settings: &FitSettings,
+    seeds: u64,
+) -> Fit {
+    let first = fit(rig, ranges, records, settings, |_| {});
+    if first.stop == StopReason::NoiseReached {
+        return first;
+    }
+    let from = |seed| fit(rig, ranges, records, &FitSettings { seed, ..*settings }, |_| {});
+    let others: Vec<Fit> =
+        (1..seeds).into_par_iter().map(|more| from(settings.seed.wrapping_add(more))).collect();
+    let better = |best: Fit, other: Fit| {
+        if other.misfit.chi_square < best.misfit.chi_square - BETTER_VALLEY { other } else { best }
+    };
+    others.into_iter().fold(first, better)
 }
 
 /// The same, where some values are known to be good.

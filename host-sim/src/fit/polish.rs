@@ -100,7 +100,18 @@ pub fn foresee(rig: &Rig, ranges: &[Range], start: &[f64], records: &[Prepared])
 
 /// The misfit of some values.
 pub fn misfit(rig: &Rig, ranges: &[Range], values: &[f64], records: &[Prepared]) -> Misfit<f64> {
-    on_records(rig, ranges, records, FIT_TOLERANCE, There { values })
+    misfit_within(rig, ranges, values, records, f64::INFINITY)
+}
+
+/// The same, given up as soon as chi-square is above a bound: what has been summed by then.
+pub fn misfit_within(
+    rig: &Rig,
+    ranges: &[Range],
+    values: &[f64],
+    records: &[Prepared],
+    bound: f64,
+) -> Misfit<f64> {
+    on_records(rig, ranges, records, FIT_TOLERANCE, There { values, bound })
 }
 
 type Genes = [f64; MAX_FREE];
@@ -134,13 +145,14 @@ fn polished(
 
 struct There<'a> {
     values: &'a [f64],
+    bound: f64,
 }
 
 impl Job for There<'_> {
     type Output = Misfit<f64>;
 
     fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Misfit<f64> {
-        problem.misfit(&genes_of(problem, self.values), &mut steppers[0])
+        problem.misfit_within(&genes_of(problem, self.values), &mut steppers[0], self.bound)
     }
 }
 
