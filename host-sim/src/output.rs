@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::fit::{Estimate, Fit, NoiseSource, Standing};
 use crate::record::{Record, write_csv};
 use crate::report::REPORT_FILE;
-use crate::rig::{Range, Rig};
+use crate::rig::{CommandPath, Range, Rig};
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::identify::StopReason;
@@ -264,6 +264,12 @@ pub fn correlation_warnings(fit: &Fit) -> Vec<String> {
     warnings
 }
 
+/// What the user should know of the path that a command was found to be on.
+pub fn command_note(rig: &Rig) -> Option<String> {
+    let on_curve = rig.command_path == CommandPath::Curve;
+    on_curve.then(|| "the command goes from sample to sample on a curve, not in straight lines".to_owned())
+}
+
 /// The configuration that a result was made with, resolved.
 pub fn config_json(common: &Common, rig: &Rig, ranges: &[Range], records: &[String]) -> Value {
     let parameters: Map<String, Value> = rig
@@ -279,6 +285,7 @@ pub fn config_json(common: &Common, rig: &Rig, ranges: &[Range], records: &[Stri
             "valve": format!("{:?}", rig.form.valve),
             "feedback": format!("{:?}", rig.form.feedback),
             "drive": format!("{:?}", rig.form.drive),
+            "command_path": rig.command_path,
         },
         "parameters": parameters,
         "effects": rig.effects.iter().map(|effect| effect.name).collect::<Vec<_>>(),

@@ -66,11 +66,13 @@ pub fn run(rig: &Rig, excitation: &Excitation, step: f64) -> Vec<Outputs<f64>> {
         .map(|sample| value(drive, sample) - value(&excitation.load, sample))
         .collect();
     let start = Start { ram: value(&excitation.command, 0), ..Start::default() };
+    let knots = rig.knots(&excitation.command);
     let flight = Flight {
+        arriving: &knots.arriving,
         force: &force,
         holds: rig.drive_holds,
         law: rig.controller,
-        ..Flight::new(excitation.sample_period, &excitation.command, &start)
+        ..Flight::new(excitation.sample_period, &knots.command, &start)
     };
     let mut stepper = Midpoint::new(step);
     stepper.begin(excitation.sample_period, true, true);

@@ -20,8 +20,9 @@ fn faulty() -> Plant {
     plant
 }
 
-fn save(directory: &Path, name: &str, plant: &Plant, command: &Command, seed: u64) -> PathBuf {
-    let Record { command, mut lvdt, mut current, .. } = plant.record(command, SAMPLES);
+/// Saves what the sensors of a plant show.
+fn save(directory: &Path, name: &str, record: Record, seed: u64) -> PathBuf {
+    let Record { command, mut lvdt, mut current, .. } = record;
     add_noise(&mut lvdt, POSITION_NOISE, seed);
     add_noise(&mut current, CURRENT_NOISE, seed + 100);
     let mut text = String::from("t_s,command_m,lvdt_m,current_mA\n");
@@ -35,8 +36,12 @@ fn save(directory: &Path, name: &str, plant: &Plant, command: &Command, seed: u6
 
 /// Fits a chirp and the mixed command, holds the steps back.
 fn diagnose(plant: &Plant, seed: u64) -> Value {
+    diagnose_flown(|command| plant.record(command, SAMPLES), seed)
+}
+
+fn diagnose_flown(fly: impl Fn(&Command) -> Record, seed: u64) -> Value {
     let directory = tempfile::tempdir().unwrap();
-    let record = |name: &str, command: Command, seed| save(directory.path(), name, plant, &command, seed);
+    let record = |name: &str, command: Command, seed| save(directory.path(), name, fly(&command), seed);
     let output = process::Command::new(env!("CARGO_BIN_EXE_host-sim"))
         .args(["diagnose", "--json", "--quiet"])
         .arg(record("chirp.csv", Command::CHIRP, seed))
@@ -83,6 +88,52 @@ fn a_clean_actuator_is_adequate_and_nothing_is_claimed() {
         let result = diagnose(&faulty(), seed);
         assert_eq!(result["verdict"], "adequate", "seed {seed}: {result:#}");
         assert!(class(&result).is_empty());
+    }
+}
+
+/// Flies a command as it is, not in straight lines between the samples of its record.
+fn fly_curve(plant: &Plant, command: &Command) -> Record {
+    plant.simulate(command, SAMPLES, 2e-6)
+}
+
+#[test]
+fn a_command_that_is_a_curve_is_no_effect() {
+    // Steps are held out: between samples straight lines are up to 120 um off.
+    let plant = faulty();
+    let result = diagnose_flown(|command| fly_curve(&plant, command), 31);
+    let held = &result["error"]["holdout"];
+    assert_eq!(result["verdict"], "adequate", "{result:#}");
+    assert!(held["after_rms_m"].as_f64().unwrap() < 1.1 * POSITION_NOISE, "{held}");
+}
+
+#[test]
+fn a_command_that_is_a_curve_is_no_fault() {
+    // At its limits the loop makes 9 um of the 0.5 um by which straight lines are off the sine.
+    let directory = tempfile::tempdir().unwrap();
+    let plant = faulty();
+    for (seed, flown) in
+        [(41, fly_curve(&plant, &Command::SINE)), (42, plant.record(&Command::SINE, SAMPLES))]
+    {
+        let path = save(directory.path(), "sine.csv", flown, seed);
+        let output = process::Command::new(env!("CARGO_BIN_EXE_host-sim"))
+            .args(["identify", "--json", "--quiet"])
+            .arg(path)
+            .output()
+            .unwrap();
+        let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let path = if seed == 41 { "curve" } else { "lines" };
+        eprintln!(
+            "{} {:?} {:?} {}",
+            result["config"]["model"]["command_path"],
+            fault(&result, "bkl"),
+            fault(&result, "fdj"),
+            result["mean_square"]
+        );
+        assert!(result["mean_square"].as_f64().unwrap() < 1.2, "{result:#}");
+        for (name, truth) in [("bkl", BKL), ("fdj", FDJ)] {
+            let (value, _) = fault(&result, name);
+            assert!((value / truth - 1.0).abs() < 0.01, "{path}: {name} = {value}, not {truth}");
+        }
     }
 }
 

@@ -33,6 +33,9 @@ pub struct Record<'a, T> {
     pub sample_period: T,
     /// Commanded position, m.
     pub command: &'a [T],
+    /// Commanded position just before each sample, m: where the straight line from the sample before ends. The command jumps
+    /// where that is not the sample itself. Empty where it never does.
+    pub arriving: &'a [T],
     /// Force on the ram from outside, N (driving force minus load); empty where there is none.
     pub force: &'a [T],
     /// Does the force keep the value of a sample until the next one? If not it goes there in a straight line.
@@ -60,6 +63,7 @@ impl<'a, T: Real> Record<'a, T> {
         Self {
             sample_period,
             command,
+            arriving: &[],
             force: &[],
             holds: false,
             law: None,
@@ -70,6 +74,17 @@ impl<'a, T: Real> Record<'a, T> {
             settle: 0,
             offset_unknown: false,
         }
+    }
+
+    /// Commanded position just before a sample, m; none past the end.
+    pub fn arriving(&self, sample: usize) -> Option<T> {
+        self.arriving.get(sample).or_else(|| self.command.get(sample)).copied()
+    }
+
+    /// Samples from one on, at most a number of them, at which the command does not jump.
+    pub fn unbroken(&self, sample: usize, most: usize) -> usize {
+        let ends = self.arriving.iter().zip(self.command).skip(sample).take(most);
+        if self.arriving.is_empty() { most } else { ends.take_while(|(end, command)| end == command).count() }
     }
 
     /// The same with one more measured channel and the standard deviation of its noise, in its unit (ignored where the

@@ -90,8 +90,14 @@ impl<T: Real> Walk<T> {
             let drive = [self.drive, last];
             let force = self.lag.map_or(drive, |lag| lag.follow(&mut self.lagging, drive));
             let time = self.origin + record.sample_period * T::from_count((sample as u32).saturating_sub(1));
-            let segment = InputSegment::between([self.command, command], force, time, self.sample_rate);
+            let arriving = record.arriving(sample)?;
+            let segment = InputSegment::between([self.command, arriving], force, time, self.sample_rate);
             self.actuator.lead(stepper, &mut self.motion, &segment, followers);
+            if arriving != command {
+                let from = Input { command: arriving, ..segment.at(record.sample_period) };
+                let time = time + record.sample_period;
+                self.motion.run.meet(&self.actuator.model, &from, &Input { command, ..from }, time);
+            }
             self.drive = outer;
             if record.law.is_some() {
                 let state = self.motion.run.state;
@@ -126,6 +132,7 @@ impl<T: Real> Walk<T> {
         while self.sample < end {
             let first = self.sample;
             let ahead = record.command.get(first..end.min(first + self.left)).unwrap_or(&[]);
+            let ahead = ahead.get(..record.unbroken(first, ahead.len())).unwrap_or(&[]);
             if !ahead.is_empty() && record.force.is_empty() && record.law.is_none() {
                 let (actuator, motion) = (&self.actuator, &mut self.motion);
                 let done = actuator.glide(stepper, motion, self.command, ahead, |offset, ram, outputs| {

@@ -125,6 +125,25 @@ impl<T: Real> Run<T> {
         self.has_guards = true;
     }
 
+    /// The input jumps at a time between two samples: what that violates changes the mode on the spot.
+    #[cold]
+    #[inline(never)]
+    pub fn meet(&mut self, model: &Model<T>, from: &Input<T>, to: &Input<T>, time: T) {
+        let mut before = Guards::at(model, &self.mode, &self.state, from, time);
+        for _ in 0..EVENTS_PER_STEP {
+            let here = Guards::at(model, &self.mode, &self.state, to, time);
+            let Some((index, _)) = before.first_crossing(&here) else { break };
+            model.switch(index, &mut self.mode, &mut self.state, to);
+            self.events += 1;
+            before = Guards::at(model, &self.mode, &self.state, from, time);
+        }
+        self.mode_number = self.mode.number();
+        self.guards = Guards::at(model, &self.mode, &self.state, to, time);
+        (self.fall, self.has_guards) = (Guards::NONE, true);
+        (self.swing, self.has_margin, self.is_refused) = ([T::ZERO; WATCHED], false, false);
+        self.calm = 0;
+    }
+
     /// A run that starts at rest at a ram position.
     pub fn at_rest(model: &Model<T>, ram: T, input: &Input<T>) -> Self {
         Self::starting(model, model.at_rest(ram), model.mode_at_rest(), input)

@@ -127,6 +127,11 @@ impl Hypothesis {
         self.joint.misfit.chi_square / scale + price
     }
 
+    /// Do all records speak for this model against another one of as many parameters, at the odds that tell effects apart?
+    pub(super) fn is_likelier(&self, other: &Self) -> bool {
+        other.joint.misfit.chi_square - self.joint.misfit.chi_square > CLASS_EVIDENCE * other.scale()
+    }
+
     /// What an effect must gain to be believed: the logarithm of the number of samples for each of its parameters, and
     /// the odds of having tried the whole catalogue.
     pub(super) fn price(&self, effect: &EffectInfo, scale: f64) -> f64 {

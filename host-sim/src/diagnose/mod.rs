@@ -30,11 +30,12 @@ mod signature;
 mod weighing;
 
 use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, FitSettings, Polished, Prepared};
+use crate::interrupt;
 use crate::rig::Rig;
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
-use hypothesis::Hypothesis;
+use hypothesis::{CLASS_EVIDENCE, Hypothesis};
 use residual::{ChannelResidual, Description, MEASURED};
 use weighing::Earned;
 
@@ -151,11 +152,66 @@ impl<'a> Case<'a> {
 }
 
 /// Diagnoses a case. `watch` is told what is being done, and how much of it (0 to 1).
-pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f64) + Sync)) -> Diagnosis {
-    let ranges = case.rig.declared();
+///
+/// What a record does not say is what its command does between the samples: straight lines, unless a curve leaves nothing
+/// to explain (see [`crate::rig::CommandPath`]). Where that makes a difference to what is found on one path, and the other
+/// may be it as well, that is tried too.
+pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
     watch("fitting the declared faults", 0.0);
-    let mut before = fit::fit_from_seeds(case.rig, &ranges, case.train(), settings, ROOT_SEEDS);
-    let root = Hypothesis::root(case, &before, ranges);
+    let on_lines = Declared::of(case, settings);
+    let Some((rig, records)) = fit::curved(case.rig, case.records) else {
+        return diagnose_from(case, on_lines, settings, watch).0;
+    };
+    let curved = Case { rig: &rig, records: &records, ..*case };
+    let on_curve = Declared::of(&curved, settings);
+    if on_curve.root.leaves_noise(&curved) && on_curve.root.is_likelier(&on_lines.root) {
+        return diagnose_from(&curved, on_curve, settings, watch).0;
+    }
+    let at_first = |what: &str, share: f64| watch(what, 0.6 * share);
+    let (diagnosis, best) = diagnose_from(case, on_lines, settings, &at_first);
+    let is_settled = diagnosis.verdict == Verdict::Adequate
+        || paths_apart(&best.rig, case, &curved) < CLASS_EVIDENCE * best.scale()
+        || best.is_likelier(&best.refitted(&curved));
+    if is_settled || interrupt::requested() {
+        return diagnosis;
+    }
+    let again = |what: &str, share: f64| watch(&format!("{what}, command on a curve"), 0.6 + 0.4 * share);
+    let (other_diagnosis, other) = diagnose_from(&curved, on_curve, settings, &again);
+    if other.cost(best.scale()) < best.cost(best.scale()) { other_diagnosis } else { diagnosis }
+}
+
+/// Chi-square between what a model predicts for the same records on two paths of their command.
+fn paths_apart(rig: &Rig, one: &Case<'_>, other: &Case<'_>) -> f64 {
+    let [one, other] =
+        [one, other].map(|case| residual::in_noise(case.records, &fit::glimpse(rig, case.records)));
+    (one - other).norm_squared()
+}
+
+/// What is told of progress: what is being done, and how much of the whole (0 to 1) is.
+type Watch<'a> = &'a (dyn Fn(&str, f64) + Sync);
+
+/// The declared faults, fitted to the records of a case.
+struct Declared {
+    fit: Fit,
+    root: Hypothesis,
+}
+
+impl Declared {
+    fn of(case: &Case<'_>, settings: &FitSettings) -> Self {
+        let ranges = case.rig.declared();
+        let fit = fit::fit_from_seeds(case.rig, &ranges, case.train(), settings, ROOT_SEEDS);
+        let root = Hypothesis::root(case, &fit, ranges);
+        Self { fit, root }
+    }
+}
+
+/// Diagnoses a case whose declared faults are fitted; beside the answer, its model.
+fn diagnose_from(
+    case: &Case<'_>,
+    Declared { fit: mut before, root }: Declared,
+    settings: &FitSettings,
+    watch: Watch<'_>,
+) -> (Diagnosis, Hypothesis) {
     // Long records are searched in excerpts; what is found is then fitted to the whole.
     let excerpts: Vec<Option<Prepared>> = case.records.iter().map(Prepared::excerpt).collect();
     let in_excerpts = excerpts.iter().any(Option::is_some);
@@ -183,7 +239,8 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: &(dyn Fn(&str, f
         let none = vec![Vec::new(); earned.len()];
         (whole, earned, none)
     };
-    conclude(case, before, whole, &earned, &Open { named, stand_ins, confounded })
+    let open = Open { named, stand_ins, confounded };
+    (conclude(case, before, whole.clone(), &earned, &open), whole)
 }
 
 /// An empirical term is there to predict: as long as the held-out records are predicted worse than without any, the

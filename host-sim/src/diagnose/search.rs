@@ -1,8 +1,8 @@
 //! From the model with the declared faults alone to the best that its records ask for.
 
-use super::Case;
 use super::hypothesis::{CLASS_EVIDENCE, Hypothesis};
 use super::weighing::Earned;
+use super::{Case, Watch};
 use crate::fit::FitSettings;
 use crate::interrupt;
 
@@ -15,9 +15,6 @@ const BEAM: usize = 3;
 /// Share of the misfit beyond noise that another effect must take away for a further one to be tried beside it. What is
 /// left is coloured; of one that swings some hundred times, the best of the catalogue takes a tenth by chance.
 const GROWING_SHARE: f64 = 0.1;
-
-/// What is told of progress: what is being done, and how much of the whole (0 to 1) is.
-type Watch<'a> = &'a (dyn Fn(&str, f64) + Sync);
 
 /// Grows the model with the declared faults alone by effects, and drops what does not earn its place.
 pub(super) fn search(case: &Case<'_>, root: Hypothesis, settings: &FitSettings, watch: Watch<'_>) -> Sound {

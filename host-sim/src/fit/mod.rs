@@ -14,11 +14,12 @@ pub use polish::{Polished, approach, foresee, misfit, misfit_within, polish};
 pub use prepare::{Prepared, prepare, prepare_with};
 
 use crate::interrupt;
-use crate::rig::{Range, Rig};
+use crate::rig::{CommandPath, Range, Rig};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::identify::{self, Identification, Progress, StopReason};
 use eha_monitor::fit::problem::{Misfit, Problem};
 use eha_monitor::integrate::Stepper;
+use eha_monitor::model::Drive;
 use eha_monitor::model::state::Outputs;
 use eha_monitor::parameter::{Parameter, Parameters};
 use engine::{FIT_TOLERANCE, Job, LOOK_TOLERANCE, on_records};
@@ -211,6 +212,43 @@ pub fn fit_near(
 ) -> Fit {
     let search = Search { settings, near: Some(values), watch: &mut |_| {} };
     on_records(rig, ranges, records, FIT_TOLERANCE, search)
+}
+
+/// Fits the ranges to records whose command may go from sample to sample in another way than the rig says: on straight
+/// lines first and, where these leave more than noise, on a curve. That is it if it leaves noise, or less than half as much
+/// beyond it. Rig and records come back on the path that was found, with the effort of both fits.
+pub fn fit_on_path(
+    rig: Rig,
+    ranges: &[Range],
+    records: Vec<Prepared>,
+    settings: &FitSettings,
+    mut watch: impl FnMut(Standing),
+) -> (Rig, Vec<Prepared>, Fit) {
+    let mut first = fit(&rig, ranges, &records, settings, &mut watch);
+    let is_open = first.stop != StopReason::NoiseReached && !first.interrupted;
+    let Some((other_rig, other_records)) = curved(&rig, &records).filter(|_| is_open) else {
+        return (rig, records, first);
+    };
+    let mut second = fit(&other_rig, ranges, &other_records, settings, watch);
+    let (evaluations, seconds) = (first.evaluations + second.evaluations, first.seconds + second.seconds);
+    for fit in [&mut first, &mut second] {
+        (fit.evaluations, fit.seconds) = (evaluations, seconds);
+    }
+    let beyond_noise = |fit: &Fit| fit.misfit.mean_square() - 1.0;
+    let is_it = second.stop == StopReason::NoiseReached
+        || (!second.interrupted && beyond_noise(&second) < 0.5 * beyond_noise(&first));
+    if is_it { (other_rig, other_records, second) } else { (rig, records, first) }
+}
+
+/// The rig and its records with the command on a curve between its samples; none where it is on one already, or does not
+/// matter.
+pub fn curved(rig: &Rig, records: &[Prepared]) -> Option<(Rig, Vec<Prepared>)> {
+    let along = CommandPath::Curve;
+    let is_open = rig.command_path == CommandPath::Lines && rig.form.drive == Drive::Valve;
+    is_open.then(|| {
+        let rig = Rig { command_path: along, ..rig.clone() };
+        (rig, records.iter().map(|record| record.along(along)).collect())
+    })
 }
 
 /// What a model with given parameters predicts for each record.

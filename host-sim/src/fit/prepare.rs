@@ -2,7 +2,7 @@
 
 use super::noise::noise_of;
 use crate::record::Record;
-use crate::rig::Rig;
+use crate::rig::{CommandPath, Knots, Rig};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::problem::{Record as CoreRecord, Start};
 use eha_monitor::model::Drive;
@@ -32,6 +32,7 @@ pub struct Prepared {
     /// Sample period, s.
     pub sample_period: f64,
     command: Vec<f64>,
+    arriving: Vec<f64>,
     force: Vec<f64>,
     measured: [Vec<f64>; MEASURED],
     /// Standard deviation of the noise of each measured channel, in its unit; infinite where it is absent or not used.
@@ -51,6 +52,7 @@ impl Prepared {
         CoreRecord {
             sample_period: self.sample_period,
             command: &self.command,
+            arriving: &self.arriving,
             force: &self.force,
             holds: self.holds,
             law: self.law,
@@ -92,6 +94,7 @@ impl Prepared {
         Some(Self {
             sample_period: self.sample_period,
             command: cut(&self.command),
+            arriving: cut(&self.arriving),
             force: cut(&self.force),
             measured: self.measured.each_ref().map(cut),
             drive: cut(&self.drive),
@@ -103,6 +106,13 @@ impl Prepared {
             settle,
             offset_unknown: self.offset_unknown,
         })
+    }
+
+    /// The same record, its command on another path. It must be on straight lines now: the samples themselves.
+    #[must_use]
+    pub fn along(&self, path: CommandPath) -> Self {
+        let Knots { command, arriving } = path.knots(&self.command);
+        Self { command, arriving, ..self.clone() }
     }
 
     /// Number of samples.
@@ -214,9 +224,11 @@ pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepa
     };
     let measured = Channel::MEASURED.map(|channel| values(channel).unwrap_or_default());
     let drive = drive.unwrap_or_default();
+    let Knots { command, arriving } = rig.knots(&command);
     Prepared {
         sample_period,
         command,
+        arriving,
         force,
         measured,
         noise,

@@ -1,6 +1,6 @@
 //! The rigs that come with the program.
 
-use super::{Range, Rig};
+use super::{CommandPath, Range, Rig};
 use eha_monitor::model::{Drive, Feedback, Form, ValveForm};
 use eha_monitor::parameter::{Parameter, Parameters};
 
@@ -49,6 +49,7 @@ fn eha() -> Rig {
         free: Vec::new(),
         effects: Vec::new(),
         command_offset: false,
+        command_path: CommandPath::default(),
         restart_s: None,
         controller: None,
         drive_holds: false,
@@ -83,6 +84,7 @@ fn servo_hydraulic() -> Rig {
         ],
         effects: Vec::new(),
         command_offset: true,
+        command_path: CommandPath::default(),
         restart_s: None,
         controller: None,
         drive_holds: false,
@@ -112,6 +114,7 @@ fn force_axis() -> Rig {
         ],
         effects: Vec::new(),
         command_offset: false,
+        command_path: CommandPath::default(),
         restart_s: Some(1.0),
         controller: None,
         drive_holds: false,

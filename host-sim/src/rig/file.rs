@@ -1,6 +1,6 @@
 //! Rig files: TOML in and out.
 
-use super::{BUILT_IN, Range, Rig, channel_named, parameter_named, unknown};
+use super::{BUILT_IN, CommandPath, Range, Rig, channel_named, parameter_named, unknown};
 use crate::failure::Failure;
 use eha_monitor::channel::ChannelRole;
 use eha_monitor::effect::{EFFECTS, EffectInfo};
@@ -38,6 +38,7 @@ struct ModelTable {
     drive: Option<DriveName>,
     restart_s: Option<f64>,
     command_offset: Option<bool>,
+    command_path: Option<CommandPath>,
     drive_holds: Option<bool>,
 }
 
@@ -162,6 +163,7 @@ fn parse(text: &str) -> Result<Rig, Failure> {
         drive: model.drive.map_or(rig.form.drive, Into::into),
     };
     rig.command_offset = model.command_offset.unwrap_or(rig.command_offset);
+    rig.command_path = model.command_path.unwrap_or(rig.command_path);
     if let Some(restart) = model.restart_s {
         if restart.is_nan() || restart < 0.0 {
             return Err(Failure::usage(format!("restart-s = {restart}: expected seconds, 0 for never")));
@@ -244,6 +246,7 @@ pub fn write(rig: &Rig, comments: &[String]) -> String {
         writeln!(text, "feedback = {}", kebab(toml::Value::try_from(FeedbackName::from(rig.form.feedback))));
     let _ = writeln!(text, "drive = {}", kebab(toml::Value::try_from(DriveName::from(rig.form.drive))));
     let _ = writeln!(text, "command-offset = {}", rig.command_offset);
+    let _ = writeln!(text, "command-path = {}", kebab(toml::Value::try_from(rig.command_path)));
     if rig.drive_holds {
         let _ = writeln!(text, "drive-holds = true");
     }

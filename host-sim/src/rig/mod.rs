@@ -1,16 +1,18 @@
 //! A rig: the actuator that a record comes from, as far as it is known.
 
 mod builtin;
+mod command_path;
 mod file;
 
 pub use builtin::{BUILT_IN, BuiltIn};
+pub use command_path::{CommandPath, Knots};
 pub use file::{read, write};
 
 use crate::failure::Failure;
 use eha_monitor::channel::{CHANNELS, Channel};
 use eha_monitor::effect::EffectInfo;
-use eha_monitor::model::Form;
 use eha_monitor::model::drive::Law;
+use eha_monitor::model::{Drive, Form};
 use eha_monitor::parameter::{PARAMETERS, Parameter, Parameters};
 
 /// A parameter that a search may move, with its range.
@@ -74,6 +76,8 @@ pub struct Rig {
     /// The command of each record carries an unknown constant offset against the position: it is fitted with everything
     /// else, one for each record. False where such an offset would be a finding.
     pub command_offset: bool,
+    /// What the command of a record does between its samples, where a valve drives: a known controller sees the samples alone.
+    pub command_path: CommandPath,
     /// Open loop: the model starts anew from the measured state every so many seconds.
     pub restart_s: Option<f64>,
     /// The controller that drives a jack which a force moves, where it is known: the loop is closed then.
@@ -84,6 +88,12 @@ pub struct Rig {
 }
 
 impl Rig {
+    /// The command of a record as the model takes it.
+    pub fn knots(&self, command: &[f64]) -> Knots {
+        let path = if self.form.drive == Drive::Valve { self.command_path } else { CommandPath::Lines };
+        path.knots(command)
+    }
+
     /// The rig of a name of [`BUILT_IN`] or of a TOML file.
     ///
     /// # Errors

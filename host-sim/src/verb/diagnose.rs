@@ -50,7 +50,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let names =
         options.records.iter().chain(&options.holdout).map(|path| path.display().to_string()).collect();
     interrupt::watch()?;
-    let job = Job { common, rig, train, holdout, names };
+    let mut job = Job { common, rig, train, holdout, names };
     let answer = job.run()?;
     job.save(&answer, options.prediction.as_deref())?;
     super::save_trace(common, options.trace.as_deref(), || job.trace(&answer.diagnosis))?;
@@ -81,7 +81,8 @@ pub(super) struct Answer {
 }
 
 impl Job<'_> {
-    pub(super) fn run(&self) -> Result<Answer, Failure> {
+    /// Diagnoses, and takes the command on the path that it is found to be on.
+    pub(super) fn run(&mut self) -> Result<Answer, Failure> {
         let started = Instant::now();
         let records: Vec<Prepared> =
             self.train.iter().chain(&self.holdout).map(|record| fit::prepare(&self.rig, record)).collect();
@@ -99,6 +100,7 @@ impl Job<'_> {
             bar.set_message(what.to_owned());
         });
         bar.finish_and_clear();
+        self.rig.command_path = diagnosis.rig.command_path;
         let loops = self.loop_scores(&diagnosis);
         let result = self.json(&diagnosis, &loops, started.elapsed().as_secs_f64());
         Ok(Answer { diagnosis, loops, result })
@@ -363,6 +365,7 @@ fn warnings(diagnosis: &Diagnosis) -> Vec<String> {
     if diagnosis.holdout.is_none() && !diagnosis.found.is_empty() {
         warnings.push("no held-out record: what was found is not validated".to_owned());
     }
+    warnings.extend(output::command_note(&diagnosis.rig));
     for fault in &diagnosis.faults {
         let names: Vec<&str> = fault.confounded_with.iter().map(|effect| effect.name).collect();
         if !names.is_empty() {

@@ -4,7 +4,7 @@ use super::printouts::{self, Truth};
 use super::{DEFAULT_RIG, FitOptions, Fitted, converged, fit_records, save_trace};
 use crate::cli::Common;
 use crate::failure::Failure;
-use crate::fit::{self, Fit, LoopScore};
+use crate::fit::{self, LoopScore};
 use crate::output::{self, SCHEMA, counted, quantity};
 use crate::report::{self, Identified};
 use crate::trace::Trace;
@@ -70,7 +70,7 @@ pub(super) fn save(
             fit: &fitted.fit,
             noise_source: &fitted.noise_source,
             population: fitted.population,
-            warnings: &notes(&fitted.fit),
+            warnings: &notes(fitted),
             config: &result["config"],
         })
     })
@@ -83,8 +83,10 @@ fn loop_score(fitted: &Fitted) -> Option<LoopScore> {
 }
 
 /// What the user should know of a fit.
-fn notes(fit: &Fit) -> Vec<String> {
+fn notes(fitted: &Fitted) -> Vec<String> {
+    let fit = &fitted.fit;
     let mut notes = output::correlation_warnings(fit);
+    notes.extend(output::command_note(&fitted.rig));
     if fit.interrupted {
         notes.push("interrupted: this is what was found so far, not the bottom of the search".to_owned());
     }
@@ -110,7 +112,7 @@ pub(super) fn json(common: &Common, fitted: &Fitted, list: &str) -> Value {
         "stop": output::end_words(fit),
         "mean_square": output::number(fit.misfit.mean_square()),
         "correlation": fit.correlation.iter().map(|row| row.iter().map(|&c| output::number(c)).collect::<Vec<_>>()).collect::<Vec<_>>(),
-        "warnings": notes(fit),
+        "warnings": notes(fitted),
         "seed": common.seed,
         "closed_loop": loop_score(fitted).map(|score| json!({
             "force_error": output::number(score.force_error),
@@ -146,7 +148,7 @@ pub(super) fn print(common: &Common, fitted: &Fitted) -> Result<(), Failure> {
         output::print(&format!("force in closed loop: {error:.2} % of the recorded one is missed{open}"))?;
     }
     output::print(&configuration(fitted))?;
-    notes(fit).iter().try_for_each(|note| output::print(&format!("note: {note}")))
+    notes(fitted).iter().try_for_each(|note| output::print(&format!("note: {note}")))
 }
 
 /// The resolved configuration in a line.

@@ -206,9 +206,8 @@ fn fit_records(
     let prepared: Vec<Prepared> = records.iter().map(|record| fit::prepare(&rig, record)).collect();
     let settings = FitSettings { seed: common.seed, population: options.population, budget: options.budget };
     let bar = output::bar(common, u64::from(options.budget), "identifying");
-    let fit = fit::fit(&rig, &ranges, &prepared, &settings, |standing| {
-        output::show_standing(&bar, standing);
-    });
+    let show = |standing| output::show_standing(&bar, standing);
+    let (rig, prepared, fit) = fit::fit_on_path(rig, &ranges, prepared, &settings, show);
     bar.finish_and_clear();
     let names = options.records.iter().map(|path| path.display().to_string()).collect();
     let population = options.population;

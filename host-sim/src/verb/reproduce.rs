@@ -223,7 +223,7 @@ fn closed_loop(common: &Common) -> Result<Rig, Failure> {
         };
         plant::record(command, form, &excitation, &outputs, &sensing, seed)
     };
-    let job = Job {
+    let mut job = Job {
         common,
         rig: (BUILT_IN[0].make)(),
         train: vec![healthy("chirp", common.seed)?, healthy("mixed", common.seed + 1)?],

@@ -6,14 +6,14 @@ use crate::floor::{self, Shape};
 use eha_monitor::effect::{EFFECTS, EffectInfo, Port};
 use host_sim::diagnose::{self, Diagnosis};
 use host_sim::fit;
-use host_sim::rig::{Range, Rig};
+use host_sim::rig::{CommandPath, Range, Rig};
 use rayon::prelude::*;
 use reference_plant::{Command, Gauss};
 use std::fmt::Write as _;
 use std::ops::Range as Between;
 
 /// Cases of the document: numbers that nobody had looked at when it was made. Development looks at smaller ones.
-const FIRST: u64 = 5000;
+const FIRST: u64 = 6000;
 const COUNT: u64 = 120;
 /// Sizes of the effects, in their floors.
 const FAINTEST: f64 = 2.0;
@@ -180,6 +180,7 @@ impl Case {
             quantum,
             train: [(chirp, samples), (mixed, samples)],
             held: (held, held_samples),
+            path: CommandPath::Lines,
         };
         let count = match kind {
             Kind::Clean | Kind::Outside => 0,
@@ -199,6 +200,7 @@ impl Case {
                 case.effects.push(Presence { effect, floors: floors.min(most), shape });
             }
         }
+        case.path = *one_of(&mut random, &[CommandPath::Lines, CommandPath::Curve]);
         case
     }
 
@@ -211,7 +213,12 @@ impl Case {
         let outside = self.outside.iter().map(|(outside, [strength, pace])| {
             format!("{}, times {strength:.2}, {pace:.2} times as fast", outside.name)
         });
-        effects.chain(outside).collect::<Vec<_>>().join(" and ")
+        let all: Vec<String> = effects.chain(outside).collect();
+        let what = if all.is_empty() { "nothing".to_owned() } else { all.join(" and ") };
+        match self.path {
+            CommandPath::Lines => what,
+            CommandPath::Curve => what + ", curve",
+        }
     }
 }
 
@@ -320,7 +327,6 @@ impl Blind {
 
     /// The row of the case.
     fn line(&self) -> String {
-        let what = if self.what.is_empty() { "nothing" } else { &self.what };
         let ratio = self.ratio.map_or_else(|| "-".to_owned(), |ratio| format!("{ratio:.2}"));
         let errors: Vec<String> = self
             .faults
@@ -330,8 +336,9 @@ impl Blind {
             })
             .collect();
         format!(
-            "| {} | {what} | {} | {} | {}{} | {ratio} | {} |",
+            "| {} | {} | {} | {} | {}{} | {ratio} | {} |",
             self.index,
+            self.what,
             SETS[self.set].name,
             self.found,
             self.outcome.cell(),
@@ -368,7 +375,8 @@ pub(crate) fn document() -> String {
          at random: faults (0.05 to 1 mm, 200 to 3000 N), effects of the catalogue at {FAINTEST} to {STRONGEST} times their floor \
          (see [confusion.md](confusion.md)) with either sign, or something outside it, half to twice as strong and as fast; \
          1 to 10 um of noise, half of the records in steps of half to three times that; a chirp of 3 to 10 mm and a mixed \
-         command of 1 to 5 s are fitted, 1 to 2 s of another command are held out. None of them was looked at before: development uses numbers below {FIRST}. `cargo xtask blind {FIRST}` makes case {FIRST} anew.\n\n\
+         command of 1 to 5 s are fitted, 1 to 2 s of another command are held out; half of the actuators fly the commands in straight \
+         lines between the samples of their records, half as the continuous functions (*curve*) that they are. None of them was looked at before: development uses numbers below {FIRST}. `cargo xtask blind {FIRST}` makes case {FIRST} anew.\n\n\
          An effect counts where who knows the truth can see it: without it, the other true effects kept, the records fit worse by more than its price.\n\n"
     );
     let _ = writeln!(text, "| figure | wanted | {} | {} |\n|---|---|---|---|", SETS[0].name, SETS[1].name);

@@ -7,8 +7,8 @@ use eha_monitor::effect::EffectInfo;
 use host_sim::diagnose::{self, Diagnosis, Verdict};
 use host_sim::fit::{self, FitSettings, Prepared};
 use host_sim::record::Record;
-use host_sim::rig::Rig;
-use reference_plant::{Command, Gauss, Gust, Plant, Tone, add_noise, quantise};
+use host_sim::rig::{CommandPath, Rig};
+use reference_plant::{Command, DEFAULT_STEP, Gauss, Gust, Plant, Tone, add_noise, quantise};
 
 /// Sample period, s.
 const PERIOD: f64 = 1e-3;
@@ -114,6 +114,8 @@ pub(crate) struct Case {
     pub(crate) quantum: f64,
     pub(crate) train: [(Command, usize); 2],
     pub(crate) held: (Command, usize),
+    /// What the commands do between the samples of their records.
+    pub(crate) path: CommandPath,
 }
 
 /// What the faults alone leave of noise-free records.
@@ -178,6 +180,7 @@ impl Case {
             quantum,
             train: [(Command::CHIRP, 1500), (Command::Mixed, 1500)],
             held: (held, 1200),
+            path: CommandPath::Lines,
         }
     }
 
@@ -257,7 +260,10 @@ impl Case {
 
     fn record(&self, plant: &Plant, index: usize) -> Record {
         let (command, samples) = self.train.get(index).unwrap_or(&self.held);
-        let mut data = plant.record(&command.sampled(*samples, PERIOD), *samples);
+        let mut data = match self.path {
+            CommandPath::Lines => plant.record(&command.sampled(*samples, PERIOD), *samples),
+            CommandPath::Curve => plant.simulate(command, *samples, DEFAULT_STEP),
+        };
         let mut channels = vec![(Channel::Command, data.command.clone())];
         let series = [&mut data.lvdt, &mut data.ram, &mut data.current, &mut data.pressure];
         for (channel, (values, noise)) in
@@ -284,6 +290,7 @@ impl Case {
         let known_noise = [None; Channel::MEASURED.len()];
         let case = diagnose::Case { rig: &rig, records: &records, fitted: self.train.len(), known_noise };
         let diagnosis = diagnose::diagnose(&case, &FitSettings::default(), &|_, _| {});
+        let records = records.iter().map(|record| record.along(self.path)).collect();
         Diagnosed { diagnosis, truth, records }
     }
 
@@ -320,6 +327,6 @@ pub(crate) struct Diagnosed {
     pub(crate) diagnosis: Diagnosis,
     /// The actuator that was recorded, apart from what is outside the catalogue.
     pub(crate) truth: Truth,
-    /// The records: two that were fitted, and one that was held out.
+    /// The records, their commands as they were: two that were fitted, and one that was held out.
     pub(crate) records: Vec<Prepared>,
 }
