@@ -4,7 +4,7 @@ use eha_monitor::channel::Channel;
 use host_sim::fit;
 use host_sim::record::Record;
 use host_sim::rig::{CommandPath, Rig};
-use reference_plant::{Command, Plant};
+use reference_plant::{Command, DEFAULT_STEP, Plant};
 
 const SAMPLES: usize = 1501;
 const PERIOD: f64 = 1e-3;
@@ -14,7 +14,7 @@ const LIMIT: f64 = 0.1e-6;
 
 /// How far the monitor's model with the right faults is off a plant that flies a command, m rms.
 fn distance(plant: &Plant, command: &Command, path: CommandPath) -> f64 {
-    let flown = plant.simulate(command, SAMPLES, 2e-6);
+    let flown = plant.simulate(command, SAMPLES, DEFAULT_STEP);
     let channels =
         vec![(Channel::Command, flown.command.clone()), (Channel::UserPosition, flown.lvdt.clone())];
     let record = Record::new("flown", PERIOD, 0.0, channels).unwrap();

@@ -129,16 +129,15 @@ impl<T: Real> Run<T> {
     #[cold]
     #[inline(never)]
     pub fn meet(&mut self, model: &Model<T>, from: &Input<T>, to: &Input<T>, time: T) {
-        let mut before = Guards::at(model, &self.mode, &self.state, from, time);
+        let at = |run: &Self, input: &Input<T>| Guards::at(model, &run.mode, &run.state, input, time);
+        self.guards = at(self, to);
         for _ in 0..EVENTS_PER_STEP {
-            let here = Guards::at(model, &self.mode, &self.state, to, time);
-            let Some((index, _)) = before.first_crossing(&here) else { break };
+            let Some((index, _)) = at(self, from).first_crossing(&self.guards) else { break };
             model.switch(index, &mut self.mode, &mut self.state, to);
             self.events += 1;
-            before = Guards::at(model, &self.mode, &self.state, from, time);
+            self.guards = at(self, to);
         }
         self.mode_number = self.mode.number();
-        self.guards = Guards::at(model, &self.mode, &self.state, to, time);
         (self.fall, self.has_guards) = (Guards::NONE, true);
         (self.swing, self.has_margin, self.is_refused) = ([T::ZERO; WATCHED], false, false);
         self.calm = 0;

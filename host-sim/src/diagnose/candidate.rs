@@ -112,7 +112,7 @@ impl Prospect {
 }
 
 /// Which of two candidates has the lower chi-square.
-fn lower(a: &Candidate, b: &Candidate) -> Ordering {
+pub(super) fn lower(a: &Candidate, b: &Candidate) -> Ordering {
     a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square)
 }
 

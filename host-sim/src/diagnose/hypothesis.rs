@@ -243,7 +243,7 @@ impl Hypothesis {
             .filter(|_| !interrupt::requested())
             .filter_map(|near| near.finished(&self.rig, case.train()))
             .collect();
-        candidates.sort_by(|a, b| a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square));
+        candidates.sort_by(candidate::lower);
         candidates
     }
 
@@ -332,7 +332,7 @@ impl Hypothesis {
         let search =
             |effect| candidate::searched(effect, &self.rig, &self.ranges, case.train(), settings, bound);
         let mut found: Vec<Candidate> = EFFECTS.par_iter().filter(applied).filter_map(search).collect();
-        found.sort_by(|a, b| a.fit.misfit.chi_square.total_cmp(&b.fit.misfit.chi_square));
+        found.sort_by(candidate::lower);
         found.truncate(MOST_FITTED);
         self.with(case, found)
     }
@@ -400,11 +400,12 @@ impl Hypothesis {
     fn twin(&self, case: &Case<'_>, earned: &Earned, here: &Place) -> Option<Candidate> {
         let rig = &earned.without.rig;
         let (effect, value) = earned.effect.twin(&self.rig.parameters, &rig.parameters)?;
+        if !candidate::applies(effect, rig, &here.ranges) {
+            return None;
+        }
         let range = Range::around(effect.parameters[0], value, effect.sizes[0]);
         let start = here.with(&Place { ranges: vec![range], values: vec![value] });
-        let is_possible = candidate::applies(effect, rig, &here.ranges);
-        let fitted = || candidate::fitted(rig, start.ranges, &start.values, case.train());
-        let (ranges, fit) = is_possible.then(fitted).flatten()?;
+        let (ranges, fit) = candidate::fitted(rig, start.ranges, &start.values, case.train())?;
         Some(Candidate { effect, ranges, fit })
     }
 }

@@ -240,7 +240,7 @@ fn diagnose_from(
         (whole, earned, none)
     };
     let open = Open { named, stand_ins, confounded };
-    (conclude(case, before, whole.clone(), &earned, &open), whole)
+    (conclude(case, before, &whole, &earned, &open), whole)
 }
 
 /// An empirical term is there to predict: as long as the held-out records are predicted worse than without any, the
@@ -275,7 +275,7 @@ struct Open {
 }
 
 /// Puts the answer together.
-fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned], open: &Open) -> Diagnosis {
+fn conclude(case: &Case<'_>, before: Fit, best: &Hypothesis, earned: &[Earned], open: &Open) -> Diagnosis {
     let predictions = fit::predict(&best.rig, case.train());
     let noise_only = best.leaves_noise(case);
     let verdict = match (noise_only, earned.is_empty()) {
@@ -329,7 +329,7 @@ fn conclude(case: &Case<'_>, before: Fit, best: Hypothesis, earned: &[Earned], o
         holdout: (!case.holdout().is_empty()).then(|| scores(case.holdout())),
         residuals: residual::of_channels(case.train(), &predictions),
         left,
-        rig: best.rig,
+        rig: best.rig.clone(),
         predictions,
         before,
     }

@@ -108,7 +108,7 @@ pub(super) fn spans(effect: &EffectInfo, rig: &Rig, records: &[Prepared]) -> Vec
     let around = |index: usize, sizes: f64| {
         let parameter = effect.parameters[index];
         if parameter == Parameter::StepLoadTime {
-            return Range { parameter, lower: 0.0, upper: longest(records) };
+            return step_times(records);
         }
         Range::around(parameter, rig.parameters.get(parameter), sizes * effect.sizes[index])
     };
@@ -120,9 +120,11 @@ pub(super) fn spans(effect: &EffectInfo, rig: &Rig, records: &[Prepared]) -> Vec
     SPANS.iter().map(span).collect()
 }
 
-/// Duration of the longest of some records, s.
-fn longest(records: &[Prepared]) -> f64 {
-    records.iter().map(|record| record.len() as f64 * record.sample_period).fold(0.0, f64::max)
+/// The times at which the load may step in some records.
+fn step_times(records: &[Prepared]) -> Range {
+    let duration = |record: &Prepared| record.len() as f64 * record.sample_period;
+    let upper = records.iter().map(duration).fold(0.0, f64::max);
+    Range { parameter: Parameter::StepLoadTime, lower: 0.0, upper }
 }
 
 /// What looks for the places of an effect.
@@ -156,8 +158,8 @@ impl Seeker<'_> {
 
     /// The times at which a step of the load explains most.
     fn steps(&self, records: &[Prepared]) -> Vec<Place> {
-        let upper = longest(records);
-        let time = |index: usize| upper * (index as f64 + 0.5) / STEP_TIMES as f64;
+        let times = step_times(records);
+        let time = |index: usize| times.upper * (index as f64 + 0.5) / STEP_TIMES as f64;
         let step = 0.5 * self.effect.sizes[0];
         let tried: Vec<(f64, f64)> = (0..STEP_TIMES)
             .into_par_iter()
@@ -169,7 +171,7 @@ impl Seeker<'_> {
             .collect();
         let costs: Vec<f64> = tried.iter().map(|(cost, _)| *cost).collect();
         let place = |index: usize| Place {
-            ranges: vec![self.reach(0), Range { parameter: Parameter::StepLoadTime, lower: 0.0, upper }],
+            ranges: vec![self.reach(0), times],
             values: vec![self.here(0) + tried[index].1, time(index)],
         };
         valleys(&costs, 0.0).into_iter().map(place).collect()

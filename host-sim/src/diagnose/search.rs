@@ -106,8 +106,7 @@ impl Growth<'_> {
             return;
         }
         watch("searching from afar", 0.65);
-        let best = |chi_square: f64, known: &Hypothesis| chi_square.min(known.train.misfit.chi_square);
-        let bound = tried.iter().fold(f64::INFINITY, best);
+        let bound = tried.iter().map(|known| known.train.misfit.chi_square).fold(f64::INFINITY, f64::min);
         let Some(root) = tried.iter().find(|known| known.added.is_empty()).cloned() else { return };
         let found = root.searched(case, settings, bound);
         if found.is_empty() {

@@ -34,6 +34,10 @@ pub const MAX_POPULATION: usize = 64;
 /// Fall of chi-square from which a valley is another one.
 pub const BETTER_VALLEY: f64 = 1.0;
 
+/// Share of what straight lines leave beyond noise that a curve must undercut to be the command's path though it leaves
+/// more than noise itself.
+const CURVE_SHARE: f64 = 0.5;
+
 /// How a fit is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitSettings {
@@ -215,8 +219,8 @@ pub fn fit_near(
 }
 
 /// Fits the ranges to records whose command may go from sample to sample in another way than the rig says: on straight
-/// lines first and, where these leave more than noise, on a curve. That is it if it leaves noise, or less than half as much
-/// beyond it. Rig and records come back on the path that was found, with the effort of both fits.
+/// lines first and, where these leave more than noise, on a curve. That is it if it leaves noise, or far
+/// less beyond it. Rig and records come back on the path that was found, with the effort of both fits.
 pub fn fit_on_path(
     rig: Rig,
     ranges: &[Range],
@@ -236,7 +240,7 @@ pub fn fit_on_path(
     }
     let beyond_noise = |fit: &Fit| fit.misfit.mean_square() - 1.0;
     let is_it = second.stop == StopReason::NoiseReached
-        || (!second.interrupted && beyond_noise(&second) < 0.5 * beyond_noise(&first));
+        || (!second.interrupted && beyond_noise(&second) < CURVE_SHARE * beyond_noise(&first));
     if is_it { (other_rig, other_records, second) } else { (rig, records, first) }
 }
 

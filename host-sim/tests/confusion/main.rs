@@ -2,7 +2,7 @@
 //! independent plant, with the effect at half, once and twice the size from which statistics can see it.
 //!
 //! `docs/confusion.md` is the result, `docs/blind.md` that of cases of which everything is drawn at random. `cargo xtask
-//! confusion` and `cargo xtask blind` make them anew, which takes ten to twenty minutes each; the tests make a part of
+//! confusion` and `cargo xtask blind` make them anew, which takes some twenty minutes each; the tests make a part of
 //! them and compare.
 
 #[path = "../../../tests/common/mod.rs"]
