@@ -6,7 +6,7 @@ use super::residual;
 use super::signature::Signatures;
 use super::weighing::Earned;
 use super::{Case, RESIDUAL_LIMIT};
-use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, FitSettings, Polished};
+use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, FitSettings, Polished, TOLD_APART};
 use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
@@ -30,8 +30,6 @@ const MOST_FITTED: usize = 8;
 const NAMING_SHARE: f64 = 0.99;
 /// A fault whose standard error grows by this factor when an effect is fitted beside it is confounded with the effect.
 const CONFOUNDED: f64 = 5.0;
-/// Twice the logarithm of the odds (100 to 1) below which two effects are not told apart.
-pub(super) const CLASS_EVIDENCE: f64 = 9.2;
 /// How often a model moves to a better valley.
 const MOST_MOVES: usize = 3;
 /// Twice the logarithm of the odds (10^50 to 1) against a candidate beside the best that no held-out record makes up for.
@@ -129,7 +127,7 @@ impl Hypothesis {
 
     /// Do all records speak for this model against another one of as many parameters, at the odds that tell effects apart?
     pub(super) fn is_likelier(&self, other: &Self) -> bool {
-        other.joint.misfit.chi_square - self.joint.misfit.chi_square > CLASS_EVIDENCE * other.scale()
+        other.joint.misfit.chi_square - self.joint.misfit.chi_square > TOLD_APART * other.scale()
     }
 
     /// What an effect must gain to be believed: the logarithm of the number of samples for each of its parameters, and
@@ -373,7 +371,7 @@ impl Hypothesis {
     /// are explained as well.
     pub(super) fn stand_ins(&self, case: &Case<'_>, earned: &Earned) -> Vec<Self> {
         let scale = self.scale();
-        let mine = |chi_square: f64, effect| chi_square / scale + self.price(effect, scale) + CLASS_EVIDENCE;
+        let mine = |chi_square: f64, effect| chi_square / scale + self.price(effect, scale) + TOLD_APART;
         let limit = mine(self.train.misfit.chi_square, earned.effect);
         let joint_limit = mine(self.joint.misfit.chi_square, earned.effect);
         let without = &earned.without;

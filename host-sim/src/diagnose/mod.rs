@@ -29,13 +29,13 @@ mod search;
 mod signature;
 mod weighing;
 
-use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, FitSettings, Polished, Prepared};
+use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, FitSettings, Polished, Prepared, TOLD_APART};
 use crate::interrupt;
 use crate::rig::Rig;
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
-use hypothesis::{CLASS_EVIDENCE, Hypothesis};
+use hypothesis::Hypothesis;
 use residual::{ChannelResidual, Description, MEASURED};
 use weighing::Earned;
 
@@ -127,6 +127,20 @@ pub struct Diagnosis {
     pub left: Option<Description>,
 }
 
+impl Diagnosis {
+    /// Widens the intervals to hold those of the same model on another path of the command, which may be it as well.
+    fn hold(&mut self, there: &Hypothesis) {
+        let others = there.estimates(1.0);
+        let of_faults = self.faults.iter_mut().map(|fault| &mut fault.estimate);
+        let of_effects = self.found.iter_mut().flat_map(|found| &mut found.estimates);
+        for estimate in of_faults.chain(&mut self.free).chain(of_effects) {
+            if let Some(other) = others.iter().find(|other| other.parameter == estimate.parameter) {
+                estimate.hold(other);
+            }
+        }
+    }
+}
+
 /// What a diagnosis works on.
 pub struct Case<'a> {
     /// The rig, with declared faults and free parameters.
@@ -168,10 +182,15 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Di
         return diagnose_from(&curved, on_curve, settings, watch).0;
     }
     let at_first = |what: &str, share: f64| watch(what, 0.6 * share);
-    let (diagnosis, best) = diagnose_from(case, on_lines, settings, &at_first);
-    let is_settled = diagnosis.verdict == Verdict::Adequate
-        || paths_apart(&best.rig, case, &curved) < CLASS_EVIDENCE * best.scale()
-        || best.is_likelier(&best.refitted(&curved));
+    let (mut diagnosis, best) = diagnose_from(case, on_lines, settings, &at_first);
+    let there = best.refitted(&curved);
+    let is_told = best.is_likelier(&there);
+    if diagnosis.verdict != Verdict::Unexplained && !is_told {
+        diagnosis.hold(&there);
+    }
+    let is_settled = is_told
+        || diagnosis.verdict == Verdict::Adequate
+        || paths_apart(&best.rig, case, &curved) < TOLD_APART * best.scale();
     if is_settled || interrupt::requested() {
         return diagnosis;
     }
@@ -307,8 +326,7 @@ fn conclude(case: &Case<'_>, before: Fit, best: &Hypothesis, earned: &[Earned], 
             let mut estimate = estimates[index];
             // Whatever stands in for an effect has its own opinion of the faults: the interval holds them all.
             for other in open.stand_ins.iter().flatten() {
-                let [lower, upper] = other.estimates(inflation)[index].ci95;
-                estimate.ci95 = [estimate.ci95[0].min(lower), estimate.ci95[1].max(upper)];
+                estimate.hold(&other.estimates(inflation)[index]);
             }
             Fault { estimate, confounded_with: open.confounded[index].clone() }
         })

@@ -1,9 +1,9 @@
 //! From the model with the declared faults alone to the best that its records ask for.
 
-use super::hypothesis::{CLASS_EVIDENCE, Hypothesis};
+use super::hypothesis::Hypothesis;
 use super::weighing::Earned;
 use super::{Case, Watch};
-use crate::fit::FitSettings;
+use crate::fit::{FitSettings, TOLD_APART};
 use crate::interrupt;
 
 /// Most effects that are added.
@@ -26,7 +26,7 @@ pub(super) fn search(case: &Case<'_>, root: Hypothesis, settings: &FitSettings, 
     let mut sound = Sound::of(case, &mut tried);
     for _ in 0..MOST_EFFECTS {
         let scale = sound.best.scale();
-        let is_better = |other: &&Hypothesis| other.cost(scale) < sound.best.cost(scale) - CLASS_EVIDENCE;
+        let is_better = |other: &&Hypothesis| other.cost(scale) < sound.best.cost(scale) - TOLD_APART;
         let better: Vec<Hypothesis> = sound.stand_ins.iter().flatten().filter(is_better).cloned().collect();
         if better.is_empty() || interrupt::requested() {
             break;

@@ -34,6 +34,9 @@ pub const MAX_POPULATION: usize = 64;
 /// Fall of chi-square from which a valley is another one.
 pub const BETTER_VALLEY: f64 = 1.0;
 
+/// Twice the logarithm of the odds (100 to 1) below which two models of as many parameters are not told apart.
+pub const TOLD_APART: f64 = 9.2;
+
 /// Share of what straight lines leave beyond noise that a curve must undercut to be the command's path though it leaves
 /// more than noise itself.
 const CURVE_SHARE: f64 = 0.5;
@@ -81,6 +84,11 @@ impl Estimate {
                 (value + 1.96 * standard_error).min(range.upper),
             ],
         }
+    }
+
+    /// Widens the interval to hold that of another estimate, which may be right as well.
+    pub fn hold(&mut self, other: &Self) {
+        self.ci95 = [self.ci95[0].min(other.ci95[0]), self.ci95[1].max(other.ci95[1])];
     }
 }
 
@@ -153,6 +161,19 @@ impl Fit {
             .collect()
     }
 
+    /// Widens the intervals to hold those of another fit, which may be right as well; does one grow by more than its
+    /// standard error?
+    fn hold(&mut self, other: &Self) -> bool {
+        let mut grows = false;
+        for (own, other) in self.estimates.iter_mut().zip(&other.estimates) {
+            let before = own.ci95;
+            own.hold(other);
+            let growth = (before[0] - own.ci95[0]).max(own.ci95[1] - before[1]);
+            grows |= growth > own.standard_error;
+        }
+        grows
+    }
+
     /// Root mean square of the residual of the user position, m.
     pub fn position_rms(&self) -> f64 {
         self.residual_rms[0].unwrap_or(f64::NAN)
@@ -218,41 +239,58 @@ pub fn fit_near(
     on_records(rig, ranges, records, FIT_TOLERANCE, search)
 }
 
+/// A fit of records, on the path between samples that their command takes.
+pub struct OnPath {
+    /// The rig, and with it the path.
+    pub rig: Rig,
+    /// The records on that path.
+    pub records: Vec<Prepared>,
+    /// Their fit, with the effort of both paths. Its intervals hold those of the other path where that may be it as well.
+    pub fit: Fit,
+    /// Did the other path do as well, and widen an interval by more than a standard error?
+    pub is_open: bool,
+}
+
 /// Fits the ranges to records whose command may go from sample to sample in another way than the rig says: on straight
-/// lines first and, where these leave more than noise, on a curve. That is it if it leaves noise, or far
-/// less beyond it. Rig and records come back on the path that was found, with the effort of both fits.
+/// lines and on a curve. The curve is it where the records speak for it and it leaves noise, or far less beyond it.
 pub fn fit_on_path(
     rig: Rig,
     ranges: &[Range],
     records: Vec<Prepared>,
     settings: &FitSettings,
     mut watch: impl FnMut(Standing),
-) -> (Rig, Vec<Prepared>, Fit) {
-    let mut first = fit(&rig, ranges, &records, settings, &mut watch);
-    let is_open = first.stop != StopReason::NoiseReached && !first.interrupted;
-    let Some((other_rig, other_records)) = curved(&rig, &records).filter(|_| is_open) else {
-        return (rig, records, first);
+) -> OnPath {
+    let mut lines = fit(&rig, ranges, &records, settings, &mut watch);
+    let Some((curved_rig, curved_records)) = curved(&rig, &records).filter(|_| !lines.interrupted) else {
+        return OnPath { rig, records, fit: lines, is_open: false };
     };
-    let mut second = fit(&other_rig, ranges, &other_records, settings, watch);
-    let (evaluations, seconds) = (first.evaluations + second.evaluations, first.seconds + second.seconds);
-    for fit in [&mut first, &mut second] {
+    let mut curve = fit(&curved_rig, ranges, &curved_records, settings, watch);
+    let (evaluations, seconds) = (lines.evaluations + curve.evaluations, lines.seconds + curve.seconds);
+    for fit in [&mut lines, &mut curve] {
         (fit.evaluations, fit.seconds) = (evaluations, seconds);
     }
     let beyond_noise = |fit: &Fit| fit.misfit.mean_square() - 1.0;
-    let is_it = second.stop == StopReason::NoiseReached
-        || (!second.interrupted && beyond_noise(&second) < CURVE_SHARE * beyond_noise(&first));
-    if is_it { (other_rig, other_records, second) } else { (rig, records, first) }
+    let leaves_less =
+        curve.stop == StopReason::NoiseReached || beyond_noise(&curve) < CURVE_SHARE * beyond_noise(&lines);
+    let scale = lines.misfit.mean_square().min(curve.misfit.mean_square()).max(1.0);
+    let gain = (lines.misfit.chi_square - curve.misfit.chi_square) / scale;
+    if !curve.interrupted && leaves_less && gain > TOLD_APART {
+        return OnPath { rig: curved_rig, records: curved_records, fit: curve, is_open: false };
+    }
+    let is_open = gain.abs() <= TOLD_APART && lines.hold(&curve);
+    OnPath { rig, records, fit: lines, is_open }
 }
 
-/// The rig and its records with the command on a curve between its samples; none where it is on one already, or does not
-/// matter.
+/// The rig and its records with the command on a curve between its samples; none where it is on one already, or is the
+/// same.
 pub fn curved(rig: &Rig, records: &[Prepared]) -> Option<(Rig, Vec<Prepared>)> {
     let along = CommandPath::Curve;
-    let is_open = rig.command_path == CommandPath::Lines && rig.form.drive == Drive::Valve;
-    is_open.then(|| {
-        let rig = Rig { command_path: along, ..rig.clone() };
-        (rig, records.iter().map(|record| record.along(along)).collect())
-    })
+    if rig.command_path == along || rig.form.drive != Drive::Valve {
+        return None;
+    }
+    let other: Vec<Prepared> = records.iter().map(|record| record.along(along)).collect();
+    let differs = other.iter().zip(records).any(|(curve, lines)| !curve.flies_as(lines));
+    differs.then(|| (Rig { command_path: along, ..rig.clone() }, other))
 }
 
 /// What a model with given parameters predicts for each record.

@@ -115,6 +115,11 @@ impl Prepared {
         Self { command, arriving, ..self.clone() }
     }
 
+    /// Is its command the same, between the samples too, as that of another one?
+    pub fn flies_as(&self, other: &Self) -> bool {
+        self.command == other.command && self.arriving == other.arriving
+    }
+
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.command.len()

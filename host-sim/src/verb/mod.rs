@@ -16,7 +16,7 @@ pub mod simulate;
 
 use crate::cli::Common;
 use crate::failure::Failure;
-use crate::fit::{self, Fit, FitSettings, NoiseSource, Prepared};
+use crate::fit::{self, Fit, FitSettings, NoiseSource, OnPath, Prepared};
 use crate::interrupt;
 use crate::output;
 use crate::record::{self, Mapping, ReadOptions, Record};
@@ -186,6 +186,7 @@ struct Fitted {
     records: Vec<Record>,
     prepared: Vec<Prepared>,
     fit: Fit,
+    path_open: bool,
     population: usize,
     names: Vec<String>,
     trace: Option<PathBuf>,
@@ -207,7 +208,8 @@ fn fit_records(
     let settings = FitSettings { seed: common.seed, population: options.population, budget: options.budget };
     let bar = output::bar(common, u64::from(options.budget), "identifying");
     let show = |standing| output::show_standing(&bar, standing);
-    let (rig, prepared, fit) = fit::fit_on_path(rig, &ranges, prepared, &settings, show);
+    let OnPath { rig, records: prepared, fit, is_open: path_open } =
+        fit::fit_on_path(rig, &ranges, prepared, &settings, show);
     bar.finish_and_clear();
     let names = options.records.iter().map(|path| path.display().to_string()).collect();
     let population = options.population;
@@ -218,6 +220,7 @@ fn fit_records(
         records,
         prepared,
         fit,
+        path_open,
         population,
         names,
         trace: options.trace.clone(),
