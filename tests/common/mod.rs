@@ -193,7 +193,7 @@ pub(crate) fn plant(rig: &Rig) -> Plant {
         sensor_cubic: p.sensor_cubic,
         ..Effects::default()
     };
-    Plant { parameters, effects }
+    Plant { parameters, effects, ..Plant::default() }
 }
 
 /// The core by exact steps, with the number of states that it needs.

@@ -3,7 +3,8 @@
 use super::Case;
 use super::hypothesis::Hypothesis;
 use super::residual::{self, MEASURED, MODEL_ERROR};
-use crate::fit::SMALLEST_NOISE;
+use crate::fit::{self, Prepared, SMALLEST_NOISE};
+use crate::rig::Range;
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::model::state::Outputs;
 use rayon::prelude::*;
@@ -84,27 +85,22 @@ impl Hypothesis {
     }
 
     /// Does it change the prediction of a record by more than the model's own error, or move a fault by more than its
-    /// error? Where what is left is not noise it is no name, just a help for prediction: what is believed of a channel is
-    /// bar enough.
+    /// error, and so far that this would? Where what is left is not noise it is no name, just a help for prediction: what is
+    /// believed of a channel is bar enough.
     fn matters_against(&self, case: &Case<'_>, without: &Self, noise_only: bool) -> bool {
         let bar = if noise_only { MODEL_ERROR } else { SMALLEST_NOISE };
-        let changes = case.records.iter().zip(&without.predictions).zip(&self.predictions).any(
-            |((record, without), with)| {
-                (0..MEASURED).any(|channel| {
-                    let change = |(a, b): (&Outputs<f64>, &Outputs<f64>)| {
-                        (a.to_array()[channel] - b.to_array()[channel]).powi(2)
-                    };
-                    let sum: f64 = without.iter().zip(with).map(change).sum();
-                    record.noise[channel].is_finite()
-                        && (sum / record.len().max(1) as f64).sqrt() > bar[channel]
-                })
-            },
-        );
-        let biases = (0..case.rig.faults.len()).any(|index| {
-            let shift = (self.train.values[index] - without.train.values[index]).abs();
-            shift > 3.0 * self.train.standard_error(index) * self.scale().sqrt()
-        });
-        changes || biases
+        let is_biased = |(index, range): (usize, &Range)| {
+            let shift = without.train.values[index] - self.train.values[index];
+            let error = self.train.standard_error(index) * self.scale().sqrt();
+            let moved = || {
+                let mut rig = self.joint.applied(&self.rig, &self.ranges);
+                rig.parameters.set(range.parameter, self.joint.values[index] + shift);
+                fit::predict(&rig, case.records)
+            };
+            shift.abs() > 3.0 * error && differ(case.records, &self.predictions, &moved(), &bar)
+        };
+        differ(case.records, &self.predictions, &without.predictions, &bar)
+            || case.rig.faults.iter().enumerate().any(is_biased)
     }
 
     /// Is its gain over another model more than the luck of a few places? What is left is not noise, so the spread of
@@ -116,4 +112,22 @@ impl Hypothesis {
         let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (count - 1.0);
         mean > ROBUST_SIGMA * (variance / count).sqrt()
     }
+}
+
+/// Do two predictions of records differ in a channel by more than a bar, rms over one of the records?
+fn differ(
+    records: &[Prepared],
+    one: &[Vec<Outputs<f64>>],
+    other: &[Vec<Outputs<f64>>],
+    bar: &[f64; MEASURED],
+) -> bool {
+    records.iter().zip(one).zip(other).any(|((record, one), other)| {
+        (0..MEASURED).any(|channel| {
+            let square = |(a, b): (&Outputs<f64>, &Outputs<f64>)| {
+                (a.to_array()[channel] - b.to_array()[channel]).powi(2)
+            };
+            let sum: f64 = one.iter().zip(other).map(square).sum();
+            record.noise[channel].is_finite() && (sum / record.len().max(1) as f64).sqrt() > bar[channel]
+        })
+    })
 }

@@ -288,9 +288,10 @@ pub fn curved(rig: &Rig, records: &[Prepared]) -> Option<(Rig, Vec<Prepared>)> {
     if rig.command_path == along || rig.form.drive != Drive::Valve {
         return None;
     }
-    let other: Vec<Prepared> = records.iter().map(|record| record.along(along)).collect();
+    let curved = Rig { command_path: along, ..rig.clone() };
+    let other: Vec<Prepared> = records.iter().map(|record| record.along(&curved)).collect();
     let differs = other.iter().zip(records).any(|(curve, lines)| !curve.flies_as(lines));
-    differs.then(|| (Rig { command_path: along, ..rig.clone() }, other))
+    differs.then_some((curved, other))
 }
 
 /// What a model with given parameters predicts for each record.

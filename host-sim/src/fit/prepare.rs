@@ -2,13 +2,16 @@
 
 use super::noise::noise_of;
 use crate::record::Record;
-use crate::rig::{CommandPath, Knots, Rig};
+use crate::rig::{Knots, Rig};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::problem::{Record as CoreRecord, Start};
 use eha_monitor::model::Drive;
 use eha_monitor::model::drive::Law;
+use eha_monitor::parameter::Parameters;
 
 const MEASURED: usize = Channel::MEASURED.len();
+/// Place of [`Channel::Current`] among them.
+const CURRENT: usize = 2;
 
 /// Samples that are averaged for the position at a start that is not the commanded one.
 const START_SAMPLES: usize = 5;
@@ -108,11 +111,23 @@ impl Prepared {
         })
     }
 
-    /// The same record, its command on another path. It must be on straight lines now: the samples themselves.
+    /// The same record, its command on the path that a rig says. It must be on straight lines now: the samples themselves.
+    ///
+    /// The current of a controller at a sample answers the sample, and the model's the knot beside it: the recorded one is
+    /// taken there, unless it is at its limit.
     #[must_use]
-    pub fn along(&self, path: CommandPath) -> Self {
-        let Knots { command, arriving } = path.knots(&self.command);
-        Self { command, arriving, ..self.clone() }
+    pub fn along(&self, rig: &Rig) -> Self {
+        let Knots { command, arriving } = rig.knots(&self.command);
+        let Parameters { proportional_gain, current_limit, .. } = rig.parameters;
+        let mut measured = self.measured.clone();
+        let moved =
+            command.iter().zip(&self.command).map(|(knot, sample)| proportional_gain * (knot - sample));
+        for (current, moved) in measured[CURRENT].iter_mut().zip(moved) {
+            if current.abs() < current_limit {
+                *current += moved;
+            }
+        }
+        Self { command, arriving, measured, ..self.clone() }
     }
 
     /// Is its command the same, between the samples too, as that of another one?
@@ -229,11 +244,10 @@ pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepa
     };
     let measured = Channel::MEASURED.map(|channel| values(channel).unwrap_or_default());
     let drive = drive.unwrap_or_default();
-    let Knots { command, arriving } = rig.knots(&command);
-    Prepared {
+    let on_lines = Prepared {
         sample_period,
         command,
-        arriving,
+        arriving: Vec::new(),
         force,
         measured,
         noise,
@@ -244,7 +258,8 @@ pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepa
         law,
         holds: rig.drive_holds,
         drive,
-    }
+    };
+    on_lines.along(rig)
 }
 
 /// Time, position and velocity at a sample, from a parabola through the samples around it.

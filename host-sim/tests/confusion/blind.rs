@@ -1,6 +1,8 @@
 //! Cases that nobody chose: drawn at random, and judged by the figures that matter to a user.
 
-use crate::cases::{CHANNEL_SETS, Case, ChannelSet, Diagnosed, OUTSIDE, OUTSIDE_DRAWN, Outcome, Presence};
+use crate::cases::{
+    CHANNEL_SETS, Case, ChannelSet, Diagnosed, OUTSIDE, OUTSIDE_DRAWN, Outcome, Presence, Program,
+};
 use crate::common::Rig as Truth;
 use crate::floor::{self, Shape};
 use eha_monitor::effect::{EFFECTS, EffectInfo, Port};
@@ -8,12 +10,12 @@ use host_sim::diagnose::{self, Diagnosis};
 use host_sim::fit;
 use host_sim::rig::{CommandPath, Range, Rig};
 use rayon::prelude::*;
-use reference_plant::{Command, Gauss};
+use reference_plant::{Command, Gauss, Rule};
 use std::fmt::Write as _;
 use std::ops::Range as Between;
 
 /// Cases of the document: numbers that nobody had looked at when it was made. Development looks at smaller ones.
-const FIRST: u64 = 6000;
+const FIRST: u64 = 7000;
 const COUNT: u64 = 120;
 /// Sizes of the effects, in their floors.
 const FAINTEST: f64 = 2.0;
@@ -180,7 +182,7 @@ impl Case {
             quantum,
             train: [(chirp, samples), (mixed, samples)],
             held: (held, held_samples),
-            path: CommandPath::Lines,
+            program: Program::default(),
         };
         let count = match kind {
             Kind::Clean | Kind::Outside => 0,
@@ -200,7 +202,11 @@ impl Case {
                 case.effects.push(Presence { effect, floors: floors.min(most), shape });
             }
         }
-        case.path = *one_of(&mut random, &[CommandPath::Lines, CommandPath::Curve]);
+        case.program = Program {
+            path: *one_of(&mut random, &[CommandPath::Lines, CommandPath::Curve]),
+            rule: *one_of(&mut random, &[Rule::Midpoint, Rule::SemiImplicitEuler]),
+            is_exact: set.channels.len() > 1 && *one_of(&mut random, &[false, true]),
+        };
         case
     }
 
@@ -215,10 +221,13 @@ impl Case {
         });
         let all: Vec<String> = effects.chain(outside).collect();
         let what = if all.is_empty() { "nothing".to_owned() } else { all.join(" and ") };
-        match self.path {
-            CommandPath::Lines => what,
-            CommandPath::Curve => what + ", curve",
-        }
+        let Program { path, rule, is_exact } = self.program;
+        let words = [
+            (path == CommandPath::Curve, ", curve"),
+            (rule == Rule::SemiImplicitEuler, ", Euler"),
+            (is_exact, ", exact"),
+        ];
+        what + &words.iter().filter(|(is_so, _)| *is_so).map(|(_, word)| *word).collect::<String>()
     }
 }
 
@@ -376,7 +385,9 @@ pub(crate) fn document() -> String {
          (see [confusion.md](confusion.md)) with either sign, or something outside it, half to twice as strong and as fast; \
          1 to 10 um of noise, half of the records in steps of half to three times that; a chirp of 3 to 10 mm and a mixed \
          command of 1 to 5 s are fitted, 1 to 2 s of another command are held out; half of the actuators fly the commands in straight \
-         lines between the samples of their records, half as the continuous functions (*curve*) that they are. None of them was looked at before: development uses numbers below {FIRST}. `cargo xtask blind {FIRST}` makes case {FIRST} anew.\n\n\
+         lines between the samples of their records, half as the continuous functions (*curve*) that they are; half step as the \
+         source does (*Euler*, 2 us), half at second order; half of those with all channels have noise in the user position \
+         alone (*exact*). None of them was looked at before: development uses numbers below {FIRST}. `cargo xtask blind {FIRST}` makes case {FIRST} anew.\n\n\
          An effect counts where who knows the truth can see it: without it, the other true effects kept, the records fit worse by more than its price.\n\n"
     );
     let _ = writeln!(text, "| figure | wanted | {} | {} |\n|---|---|---|---|", SETS[0].name, SETS[1].name);

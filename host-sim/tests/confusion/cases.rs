@@ -8,7 +8,7 @@ use host_sim::diagnose::{self, Diagnosis, Verdict};
 use host_sim::fit::{self, FitSettings, Prepared};
 use host_sim::record::Record;
 use host_sim::rig::{CommandPath, Rig};
-use reference_plant::{Command, DEFAULT_STEP, Gauss, Gust, Plant, Tone, add_noise, quantise};
+use reference_plant::{Command, DEFAULT_STEP, Gauss, Gust, Plant, Rule, Tone, add_noise, quantise};
 
 /// Sample period, s.
 const PERIOD: f64 = 1e-3;
@@ -18,7 +18,7 @@ const MODELLED: f64 = 1.5;
 /// A set of channels that a record has.
 pub(crate) struct ChannelSet {
     pub(crate) name: &'static str,
-    channels: &'static [Channel],
+    pub(crate) channels: &'static [Channel],
 }
 
 /// The sets that are studied.
@@ -114,8 +114,17 @@ pub(crate) struct Case {
     pub(crate) quantum: f64,
     pub(crate) train: [(Command, usize); 2],
     pub(crate) held: (Command, usize),
+    pub(crate) program: Program,
+}
+
+/// How the program works that makes the records: others than the monitor's do as they please.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Program {
     /// What the commands do between the samples of their records.
     pub(crate) path: CommandPath,
+    pub(crate) rule: Rule,
+    /// Is there noise in the user position only, and none in the other channels?
+    pub(crate) is_exact: bool,
 }
 
 /// What the faults alone leave of noise-free records.
@@ -180,7 +189,7 @@ impl Case {
             quantum,
             train: [(Command::CHIRP, 1500), (Command::Mixed, 1500)],
             held: (held, 1200),
-            path: CommandPath::Lines,
+            program: Program::default(),
         }
     }
 
@@ -251,7 +260,7 @@ impl Case {
     }
 
     fn plant(&self, truth: &Truth) -> Plant {
-        let mut plant = plant(truth);
+        let mut plant = Plant { rule: self.program.rule, ..plant(truth) };
         if let Some((outside, [strength, pace])) = self.outside {
             (outside.change)(&mut plant, strength, pace);
         }
@@ -260,7 +269,7 @@ impl Case {
 
     fn record(&self, plant: &Plant, index: usize) -> Record {
         let (command, samples) = self.train.get(index).unwrap_or(&self.held);
-        let mut data = match self.path {
+        let mut data = match self.program.path {
             CommandPath::Lines => plant.record(&command.sampled(*samples, PERIOD), *samples),
             CommandPath::Curve => plant.simulate(command, *samples, DEFAULT_STEP),
         };
@@ -269,6 +278,8 @@ impl Case {
         for (channel, (values, noise)) in
             Channel::MEASURED.into_iter().zip(series.into_iter().zip(self.noise))
         {
+            let is_exact = self.program.is_exact && channel != Channel::UserPosition;
+            let noise = if is_exact { 0.0 } else { noise };
             add_noise(values, noise, self.seed.wrapping_mul(1000) + index as u64 * 10 + channel as u64);
             if noise == self.noise[0] && self.quantum > 0.0 {
                 quantise(values, self.quantum);
@@ -290,7 +301,8 @@ impl Case {
         let known_noise = [None; Channel::MEASURED.len()];
         let case = diagnose::Case { rig: &rig, records: &records, fitted: self.train.len(), known_noise };
         let diagnosis = diagnose::diagnose(&case, &FitSettings::default(), &|_, _| {});
-        let records = records.iter().map(|record| record.along(self.path)).collect();
+        let flown = Rig { command_path: self.program.path, ..rig };
+        let records = records.iter().map(|record| record.along(&flown)).collect();
         Diagnosed { diagnosis, truth, records }
     }
 

@@ -4,7 +4,8 @@
 //!
 //! The method is the explicit midpoint rule at 2 µs. The stiffest mode of the source's parameters is
 //! `MJ/(AJ²·GPQ)` = 62 µs, so every mode is resolved. Stick, slide and reversal are located within a step, which
-//! keeps the second order across events; `tests/convergence.rs` holds the measured error.
+//! keeps the second order across events; `tests/convergence.rs` holds the measured error. Other programs step as the
+//! source does: [`Rule::SemiImplicitEuler`] stands for them.
 mod command;
 mod parameters;
 mod physics;
@@ -15,7 +16,7 @@ pub use command::Command;
 pub use parameters::{Effects, Feedback, Gust, Mount, Parameters, Tone, Valve};
 pub use physics::{blended_pressure, play};
 pub use record::{Gauss, Record, add_noise, quantise, rms_difference};
-pub use simulate::{DEFAULT_STEP, SAMPLE_PERIOD};
+pub use simulate::{DEFAULT_STEP, Rule, SAMPLE_PERIOD};
 
 /// An actuator: the source's parameters, and the effects that its model leaves out.
 ///
@@ -32,6 +33,8 @@ pub struct Plant {
     pub parameters: Parameters,
     /// Everything else; neutral by default.
     pub effects: Effects,
+    /// How it steps.
+    pub rule: Rule,
 }
 
 impl Plant {
@@ -41,6 +44,7 @@ impl Plant {
         Self {
             parameters: Parameters::default(),
             effects: Effects { turbulent_metering: 1.0, ..Effects::default() },
+            ..Self::default()
         }
     }
 }

@@ -1,9 +1,21 @@
-//! Time stepping: midpoint steps that are cut where dry friction or the flapper's stop sets in or lets go.
+//! Time stepping: midpoint steps that are cut where dry friction or the flapper's stop sets in or lets go, or the plain
+//! steps of the source.
 
 use std::f64::consts::TAU;
 
 use crate::physics::{Contacts, Equations, Signals, State, sat};
 use crate::{Command, Plant, Record, Valve, sample_time};
+
+/// How the plant steps.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Rule {
+    /// Midpoint steps, cut at every event: second order.
+    #[default]
+    Midpoint,
+    /// The source's steps, as most programs take them: rates at the start of a step, positions with the velocities at its
+    /// end, a velocity that would change its sign set to zero, events at the ends of steps. First order.
+    SemiImplicitEuler,
+}
 
 /// Step that the tests use (s).
 pub const DEFAULT_STEP: f64 = 2e-6;
@@ -25,7 +37,8 @@ impl Plant {
     /// Runs the plant from rest at zero on the command as it is, at a step (s) that is rounded to divide 1 ms.
     pub fn simulate(&self, command: &Command, samples: usize, step: f64) -> Record {
         let equations = Equations { p: &self.parameters, e: &self.effects, command };
-        let mut runner = Runner { equations, state: State::default(), contacts: Contacts::default() };
+        let mut runner =
+            Runner { equations, rule: self.rule, state: State::default(), contacts: Contacts::default() };
         let steps = (SAMPLE_PERIOD / step).round().max(1.0) as usize;
         let step = SAMPLE_PERIOD / steps as f64;
         let mut sensed = Vec::new();
@@ -76,6 +89,7 @@ fn delayed(history: &[f64], steps: f64) -> f64 {
 
 struct Runner<'a> {
     equations: Equations<'a>,
+    rule: Rule,
     state: State,
     contacts: Contacts,
 }
@@ -93,15 +107,47 @@ impl Runner<'_> {
     /// Advances by `h` from `start`; returns the signals at the end.
     fn step(&mut self, start: f64, h: f64) -> Signals {
         let command_rate = self.command_rate(start, h);
+        match self.rule {
+            Rule::Midpoint => self.cut_step(start, h, command_rate),
+            Rule::SemiImplicitEuler => self.plain_step(start, h, command_rate),
+        }
+    }
+
+    /// Rates and signals here, once all changes that are due at once are made.
+    fn settled(&mut self, t: f64, command_rate: f64) -> (State, Signals) {
+        let (mut rate, mut now) = self.look(t, command_rate);
+        for _ in 0..MOST_EVENTS {
+            if self.settle(t, &now) {
+                (rate, now) = self.look(t, command_rate);
+            }
+        }
+        (rate, now)
+    }
+
+    /// A semi-implicit Euler step.
+    fn plain_step(&mut self, t: f64, h: f64, command_rate: f64) -> Signals {
+        let (rate, _) = self.settled(t, command_rate);
+        let mut state = self.state.moved(&rate, h);
+        let turns_back = state.ram_rate * self.contacts.jack_slide < 0.0;
+        state.ram = self.state.ram + if turns_back { 0.0 } else { h * state.ram_rate };
+        if self.contacts.flapper_stop == 0.0 {
+            state.flapper = self.state.flapper + h * state.flapper_rate;
+        }
+        state.body = self.state.body + h * state.body_rate;
+        let state = self.stopped(state);
+        let (_, signals) = self.equations.rates(t + h - BEFORE, &state, &self.contacts, command_rate);
+        let due = self.margins(t + h, &signals, &state).map(|margin| margin < 0.0);
+        self.accept(state, &signals);
+        self.switch(due, &signals);
+        signals
+    }
+
+    /// Midpoint steps, one from event to event.
+    fn cut_step(&mut self, start: f64, h: f64, command_rate: f64) -> Signals {
         let mut left = h;
         for event in 0..=MOST_EVENTS {
             let t = start + (h - left);
-            let (mut rate, mut now) = self.look(t, command_rate);
-            for _ in 0..MOST_EVENTS {
-                if self.settle(t, &now) {
-                    (rate, now) = self.look(t, command_rate);
-                }
-            }
+            let (rate, now) = self.settled(t, command_rate);
             let margins = self.margins(t, &now, &self.state);
             let (state, signals) = self.midpoint(t, left, &rate, command_rate);
             let ends = self.margins(t + left, &signals, &state);

@@ -1,12 +1,12 @@
 //! The plant against results that can be derived by hand.
 
-use reference_plant::{Command, Effects, Mount, Parameters, Plant, blended_pressure, play};
+use reference_plant::{Command, Mount, Parameters, Plant, blended_pressure, play};
 
 /// The plant without dry and viscous friction on the jack and without friction on the spool.
 fn frictionless() -> Plant {
     let parameters =
         Parameters { spool_friction: 0.0, jack_friction: 0.0, jack_viscosity: 0.0, ..Parameters::default() };
-    Plant { parameters, effects: Effects::default() }
+    Plant { parameters, ..Plant::default() }
 }
 
 fn assert_close(value: f64, expected: f64, relative: f64) {

@@ -4,7 +4,7 @@
 //! `step` 0.5, 0.12, 0.02; `mixed-step` 0.7, 0.17, 0.03; `sine` 7.9, 1.6, 0.4, and 2.0 at 2 µs for the worst
 //! variant, the compliant mount. So the method is of second order across all events.
 
-use reference_plant::{Command, DEFAULT_STEP, Mount, Plant, Valve, rms_difference};
+use reference_plant::{Command, DEFAULT_STEP, Mount, Plant, Rule, Valve, rms_difference};
 
 /// Samples compared. The rate-limited loop multiplies differences on the 4 mm 5 Hz sine by some 2 each period,
 /// so a longer run says more about the loop than about the method.
@@ -56,4 +56,22 @@ fn faults_and_forms_converge_where_events_are_many() {
         plant.parameters.motor_hysteresis = 0.1;
         plant.parameters.feedback_play = 5e-6;
     });
+}
+
+#[test]
+fn the_steps_of_the_source_converge_to_the_same_at_first_order() {
+    let exact = Plant::default();
+    let plain = Plant { rule: Rule::SemiImplicitEuler, ..Plant::default() };
+    for (label, command) in
+        [("mixed-step", Command::MixedStep), ("chirp", Command::CHIRP), ("sine", Command::SINE)]
+    {
+        let command = command.sampled(SAMPLES + 1, 1e-3);
+        let reference = exact.simulate(&command, SAMPLES, DEFAULT_STEP);
+        let error = |step| 1e6 * rms_difference(&plain.simulate(&command, SAMPLES, step).ram, &reference.ram);
+        let [coarse, default, fine] = [4e-6, DEFAULT_STEP, 1e-6].map(error);
+        println!("source's steps {label:10} 4 us {coarse:.5}  2 us {default:.5}  1 us {fine:.5}  um rms");
+        for ratio in [coarse / default, default / fine] {
+            assert!((1.8..2.2).contains(&ratio), "{label}: {coarse}, {default}, {fine} um");
+        }
+    }
 }
