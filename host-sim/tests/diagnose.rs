@@ -1,6 +1,6 @@
 //! `diagnose` on records of the independent plant, each with something that the monitor's model does not declare.
 
-use reference_plant::{Command, DEFAULT_STEP, Plant, Record, Tone, add_noise};
+use reference_plant::{Command, DEFAULT_STEP, Plant, Record, Tone, add_noise, quantise};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -9,6 +9,8 @@ use std::process;
 const SAMPLES: usize = 1001;
 const POSITION_NOISE: f64 = 5e-6;
 const CURRENT_NOISE: f64 = 0.02;
+/// Step of a command on a bus of 12 bits over 80 mm, m.
+const COMMAND_STEP: f64 = 20e-6;
 const BKL: f64 = 2e-4;
 const FDJ: f64 = 800.0;
 
@@ -109,6 +111,24 @@ fn a_command_that_is_a_curve_is_no_effect() {
     let held = &result["error"]["holdout"];
     assert_eq!(result["verdict"], "adequate", "{result:#}");
     assert!(held["after_rms_m"].as_f64().unwrap() < 1.1 * POSITION_NOISE, "{held}");
+}
+
+#[test]
+fn a_command_that_is_recorded_in_steps_is_no_effect() {
+    let plant = faulty();
+    let coarse = |command: &Command| {
+        let mut record = plant.record(command, SAMPLES);
+        quantise(&mut record.command, COMMAND_STEP);
+        record
+    };
+    for seed in [51, 61] {
+        let result = diagnose_flown(coarse, seed);
+        assert_eq!(result["verdict"], "adequate", "seed {seed}: {result:#}");
+        for (name, truth) in [("bkl", BKL), ("fdj", FDJ)] {
+            let (value, error) = fault(&result, name);
+            assert!((value - truth).abs() < 4.0 * error, "{name} = {value} +- {error}, not {truth}");
+        }
+    }
 }
 
 #[test]

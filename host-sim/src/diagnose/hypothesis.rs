@@ -163,7 +163,7 @@ impl Hypothesis {
             let residuals = residual::of_channels(records, predictions);
             residuals.iter().enumerate().all(|(channel, residual)| {
                 residual.is_none_or(|residual| {
-                    residual.is_noise(channel, case.known_noise[channel], RESIDUAL_LIMIT)
+                    residual.is_noise(case.model_error[channel], case.known_noise[channel], RESIDUAL_LIMIT)
                 })
             })
         })

@@ -32,11 +32,12 @@ mod weighing;
 use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, FitSettings, Polished, Prepared, TOLD_APART};
 use crate::interrupt;
 use crate::rig::Rig;
+use eha_monitor::channel::Channel;
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
 use hypothesis::Hypothesis;
-use residual::{ChannelResidual, Description, MEASURED};
+use residual::{ChannelResidual, Description, MEASURED, MODEL_ERROR};
 use weighing::Earned;
 
 /// Seeds from which the declared faults are fitted where the first leaves more than noise.
@@ -151,9 +152,26 @@ pub struct Case<'a> {
     pub fitted: usize,
     /// Channels whose noise the rig states.
     pub known_noise: [Option<f64>; MEASURED],
+    /// What a prediction of each channel may be off without anything being missing: the model's own error, and what the
+    /// commands have lost to the step in which they were recorded.
+    pub model_error: [f64; MEASURED],
 }
 
 impl<'a> Case<'a> {
+    /// A case of records that are ready for a rig, of which the first ones are fitted.
+    pub fn new(rig: &'a Rig, records: &'a [Prepared], fitted: usize) -> Self {
+        let error = |channel: usize| {
+            records.iter().map(|record| MODEL_ERROR[channel].hypot(record.lost[channel])).fold(0.0, f64::max)
+        };
+        Self {
+            rig,
+            records,
+            fitted,
+            known_noise: Channel::MEASURED.map(|channel| rig.noise_of(channel)),
+            model_error: std::array::from_fn(error),
+        }
+    }
+
     /// Records that are fitted.
     pub fn train(&self) -> &'a [Prepared] {
         &self.records[..self.fitted]

@@ -130,9 +130,8 @@ pub fn test(all: &[Vec<f64>]) -> Option<ChannelResidual> {
 
 impl ChannelResidual {
     /// Is it just noise: white (within `limit` standard deviations of the test), or coloured by less than the model's
-    /// own error, and no larger than the noise where the noise is known?
-    pub fn is_noise(&self, channel: usize, known_noise: Option<f64>, limit: f64) -> bool {
-        let error = MODEL_ERROR[channel];
+    /// `error`, and no larger than the noise where the noise is known?
+    pub fn is_noise(&self, error: f64, known_noise: Option<f64>, limit: f64) -> bool {
         let white = self.colour_sigma <= limit || self.coloured_rms <= error;
         let small = known_noise.is_none_or(|noise| {
             let excess = (self.rms / noise).powi(2) - 1.0;

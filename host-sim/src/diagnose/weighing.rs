@@ -2,7 +2,7 @@
 
 use super::Case;
 use super::hypothesis::Hypothesis;
-use super::residual::{self, MEASURED, MODEL_ERROR};
+use super::residual::{self, MEASURED};
 use crate::fit::{self, Prepared, SMALLEST_NOISE};
 use crate::rig::Range;
 use eha_monitor::effect::EffectInfo;
@@ -88,7 +88,7 @@ impl Hypothesis {
     /// error, and so far that this would? Where what is left is not noise it is no name, just a help for prediction: what is
     /// believed of a channel is bar enough.
     fn matters_against(&self, case: &Case<'_>, without: &Self, noise_only: bool) -> bool {
-        let bar = if noise_only { MODEL_ERROR } else { SMALLEST_NOISE };
+        let bar = if noise_only { case.model_error } else { SMALLEST_NOISE };
         let is_biased = |(index, range): (usize, &Range)| {
             let shift = without.train.values[index] - self.train.values[index];
             let error = self.train.standard_error(index) * self.scale().sqrt();

@@ -12,6 +12,9 @@ const MEASURED: usize = Channel::MEASURED.len();
 /// in the other channels of the source's actuator.
 pub const SMALLEST_NOISE: [f64; MEASURED] = [1e-7, 1e-7, 1e-3, 1e3];
 
+/// A command that turns at fewer than one in so many samples goes in straight lines.
+const SELDOM: usize = 20;
+
 /// Where the noise of a channel comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoiseSource {
@@ -32,6 +35,15 @@ pub fn noise_of(rig: &Rig, record: &Recorded) -> [f64; MEASURED] {
             rig.noise_of(channel).unwrap_or_else(|| of_series(values).max(SMALLEST_NOISE[index]))
         })
     })
+}
+
+/// The step in which a command was recorded, m; 0 where it shows none.
+///
+/// A command of straight lines has its values on a grid as well, but turns at corners only.
+pub(super) fn command_step(command: &[f64]) -> f64 {
+    let step = quantum(command);
+    let turns = command.windows(3).filter(|w| (w[2] - 2.0 * w[1] + w[0]).abs() > 0.5 * step).count();
+    if turns * SELDOM > command.len() { step } else { 0.0 }
 }
 
 /// Where the noise of each measured channel of records comes from.
@@ -213,5 +225,28 @@ mod tests {
         let noise = of_series(&values);
         assert!(noise > 0.28e-6 && noise < 0.5e-6, "{noise}");
         assert_eq!(quantum(&noisy(500, 5e-6, |_| 0.0)), 0.0);
+    }
+
+    #[test]
+    fn the_step_of_a_command_is_found_and_a_grid_of_straight_lines_is_none() {
+        let (step, sine) = (5e-6, |t: f64| 4e-3 * (31.4 * t).sin());
+        let sampled = |command: &dyn Fn(f64) -> f64| -> Vec<f64> {
+            (0..1000).map(|sample| command(1e-3 * f64::from(sample))).collect()
+        };
+        let found = command_step(&sampled(&|t| (sine(t) / step).round() * step));
+        assert!((found / step - 1.0).abs() < 1e-6, "{found}");
+        assert_eq!(command_step(&sampled(&sine)), 0.0);
+        // On a grid of 10 um, turning twice.
+        let lines = sampled(&|t| {
+            if t < 0.3 {
+                0.01 * t
+            } else if t < 0.6 {
+                3e-3
+            } else {
+                3e-3 + 0.02 * (t - 0.6)
+            }
+        });
+        assert!(quantum(&lines) > 0.0);
+        assert_eq!(command_step(&lines), 0.0);
     }
 }

@@ -1,13 +1,15 @@
 //! A record made ready for the core: inputs joined, start state found, settling marked.
 
-use super::noise::noise_of;
+use super::noise::{command_step, correlation_time, noise_of};
 use crate::record::Record;
 use crate::rig::{Knots, Rig};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::problem::{Record as CoreRecord, Start};
 use eha_monitor::model::Drive;
 use eha_monitor::model::drive::Law;
+use eha_monitor::model::state::Outputs;
 use eha_monitor::parameter::Parameters;
+use std::slice;
 
 const MEASURED: usize = Channel::MEASURED.len();
 /// Place of [`Channel::Current`] among them.
@@ -47,6 +49,8 @@ pub struct Prepared {
     law: Option<Law<f64>>,
     holds: bool,
     drive: Vec<f64>,
+    /// What the step in which the command was recorded may move a prediction of each measured channel by, rms, in its unit.
+    pub lost: [f64; MEASURED],
 }
 
 impl Prepared {
@@ -108,6 +112,7 @@ impl Prepared {
             stretch,
             settle,
             offset_unknown: self.offset_unknown,
+            lost: self.lost,
         })
     }
 
@@ -128,6 +133,36 @@ impl Prepared {
             }
         }
         Self { command, arriving, measured, ..self.clone() }
+    }
+
+    /// The same record, knowing what its command may have lost to the step in which it was recorded: that much error of a
+    /// prediction is noise, of as many samples as it stays the same.
+    fn with_losses(mut self, rig: &Rig, step: f64) -> Self {
+        let moved = self.moved_within(step);
+        let [as_recorded, moved] =
+            [&self, &moved].map(|record| super::glimpse(rig, slice::from_ref(record)).concat());
+        for channel in 0..MEASURED {
+            let change =
+                |(a, b): (&Outputs<f64>, &Outputs<f64>)| a.to_array()[channel] - b.to_array()[channel];
+            let changes: Vec<f64> = as_recorded.iter().zip(&moved).map(change).collect();
+            let lost =
+                (changes.iter().map(|change| change * change).sum::<f64>() / changes.len() as f64).sqrt();
+            let repeats = correlation_time(&[changes]);
+            self.lost[channel] = lost;
+            self.noise[channel] = self.noise[channel].hypot(lost * repeats.sqrt());
+        }
+        self
+    }
+
+    /// The same record with its command moved by as much as it may have lost to a step, and as fast as it crosses steps: up
+    /// on even ones, down on odd ones.
+    fn moved_within(&self, step: f64) -> Self {
+        let lost = step / 12.0_f64.sqrt();
+        let is_even = |value: f64| (value / step).round() % 2.0 == 0.0;
+        let moved_by: Vec<f64> =
+            self.command.iter().map(|&value| if is_even(value) { lost } else { -lost }).collect();
+        let moved = |values: &[f64]| values.iter().zip(&moved_by).map(|(value, by)| value + by).collect();
+        Self { command: moved(&self.command), arriving: moved(&self.arriving), ..self.clone() }
     }
 
     /// Is its command the same, between the samples too, as that of another one?
@@ -183,7 +218,11 @@ impl Prepared {
 
 /// Makes a record ready for a rig; the noise is what the rig states or the record shows.
 pub fn prepare(rig: &Rig, record: &Record) -> Prepared {
-    prepare_with(rig, record, noise_of(rig, record))
+    let prepared = prepare_with(rig, record, noise_of(rig, record));
+    match record.channel(Channel::Command).map_or(0.0, command_step) {
+        0.0 => prepared,
+        step => prepared.with_losses(rig, step),
+    }
 }
 
 /// Makes a record ready for a rig, given the noise of its measured channels.
@@ -258,6 +297,7 @@ pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepa
         law,
         holds: rig.drive_holds,
         drive,
+        lost: [0.0; MEASURED],
     };
     on_lines.along(rig)
 }

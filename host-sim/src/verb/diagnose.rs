@@ -86,13 +86,12 @@ impl Job<'_> {
         let started = Instant::now();
         let records: Vec<Prepared> =
             self.train.iter().chain(&self.holdout).map(|record| fit::prepare(&self.rig, record)).collect();
-        let known_noise = Channel::MEASURED.map(|channel| self.rig.noise_of(channel));
         if self.rig.faults.is_empty() && self.rig.free.is_empty() {
             return Err(Failure::usage(
                 "the rig declares no fault and no free parameter: there is nothing to fit",
             ));
         }
-        let case = Case { rig: &self.rig, records: &records, fitted: self.train.len(), known_noise };
+        let case = Case::new(&self.rig, &records, self.train.len());
         let settings = FitSettings { seed: self.common.seed, ..FitSettings::default() };
         let bar = output::bar(self.common, 100, "diagnosing");
         let diagnosis = diagnose(&case, &settings, &|what, share| {

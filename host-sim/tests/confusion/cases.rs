@@ -298,8 +298,7 @@ impl Case {
         let rig = Rig::load("eha").unwrap();
         let records: Vec<Prepared> =
             (0..3).map(|index| fit::prepare(&rig, &self.record(&plant, index))).collect();
-        let known_noise = [None; Channel::MEASURED.len()];
-        let case = diagnose::Case { rig: &rig, records: &records, fitted: self.train.len(), known_noise };
+        let case = diagnose::Case::new(&rig, &records, self.train.len());
         let diagnosis = diagnose::diagnose(&case, &FitSettings::default(), &|_, _| {});
         let flown = Rig { command_path: self.program.path, ..rig };
         let records = records.iter().map(|record| record.along(&flown)).collect();
