@@ -82,6 +82,17 @@ fn everything_at_once_agrees_with_the_plant() {
 }
 
 #[test]
+fn a_breakaway_that_outdoes_the_damping_of_the_oil_agrees_with_the_plant() {
+    // Friction falls by 2e6 N s/m as the ram breaks away, so that the motion grows within 11 us.
+    let samples = command("mixed-step", 1500);
+    let mut rig = Rig::of(ValveForm::TwoStage, Feedback::Ram);
+    (rig.parameters.fdj, rig.parameters.stribeck_velocity) = (1332.0, 6.2e-4);
+    let distance = rig.collocation(&samples).distance(&rig.plant(&samples));
+    println!("{distance}");
+    assert!(distance.ram < LONG_LIMIT, "{distance}");
+}
+
+#[test]
 fn a_tolerance_steers_the_error() {
     // The acid test: the saturated spool amplifies differences. Too coarse a tolerance must show, or the estimate of the
     // error steers nothing.

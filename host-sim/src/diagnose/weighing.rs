@@ -43,14 +43,20 @@ impl Hypothesis {
     }
 
     /// Drops the effects that do not earn their place beside the others, the weakest first, but those first that are
-    /// weighed without another fit. What was fitted before is in `known`, and what is fitted now is added to it.
+    /// weighed without another fit. What was fitted before is in `known`, and what is fitted now is added to it: the model
+    /// without an effect anew from here, as it may have ended in a worse valley before.
     pub(super) fn pruned(mut self, case: &Case<'_>, known: &mut Vec<Self>) -> (Self, Vec<Earned>) {
         loop {
             let mut earned = self.weighed(known);
             if self.weakest(case, &earned).is_none() {
-                let open = self.added.par_iter().filter(|effect| self.known_without(effect, known).is_none());
-                let new: Vec<Self> = open.map(|effect| self.without(case, effect)).collect();
-                known.extend(new);
+                let new: Vec<Self> = self.added.par_iter().map(|effect| self.without(case, effect)).collect();
+                for new in new {
+                    match known.iter_mut().find(|known| known.same_effects(&new)) {
+                        Some(known) if known.joint.misfit.chi_square <= new.joint.misfit.chi_square => {}
+                        Some(known) => *known = new,
+                        None => known.push(new),
+                    }
+                }
                 earned = self.weighed(known);
             }
             let Some(weakest) = self.weakest(case, &earned) else { return (self, earned) };
