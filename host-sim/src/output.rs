@@ -266,8 +266,12 @@ pub fn correlation_warnings(fit: &Fit) -> Vec<String> {
 
 /// What the user should know of the path that a command was found to be on.
 pub fn command_note(rig: &Rig) -> Option<String> {
-    let on_curve = rig.command_path == CommandPath::Curve;
-    on_curve.then(|| "the command goes from sample to sample on a curve, not in straight lines".to_owned())
+    let how = match rig.command_path {
+        CommandPath::Lines => return None,
+        CommandPath::Curve => "goes from sample to sample on a curve, not in straight lines",
+        CommandPath::Held => "keeps the value of a sample until the next one, as the rig says",
+    };
+    Some(format!("the command {how}"))
 }
 
 /// The configuration that a result was made with, resolved.

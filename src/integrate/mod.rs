@@ -139,8 +139,9 @@ impl<T: Real> Run<T> {
         }
         self.mode_number = self.mode.number();
         (self.fall, self.has_guards) = (Guards::NONE, true);
-        (self.swing, self.has_margin, self.is_refused) = ([T::ZERO; WATCHED], false, false);
-        self.calm = 0;
+        (self.swing, self.stride, self.has_margin) = ([T::ZERO; WATCHED], 1, false);
+        // What a jump sets going, no step before tells of: finest steps to the end of the sample.
+        (self.calm, self.ceiling, self.is_refused) = (0, 0, true);
     }
 
     /// A run that starts at rest at a ram position.
@@ -270,7 +271,7 @@ fn start<T: Real, S: Stepper<T>>(
     if !is_refused && attempt(stepper, model, run, segment, 0, S::TOP) {
         return None;
     }
-    Some(Place { position: 0, level: S::TOP.saturating_sub(1) })
+    Some(Place { position: 0, level: S::TOP.saturating_sub(1).min(run.ceiling) })
 }
 
 /// The rate of the command may have jumped with the sample, and ended a mode on the spot.
@@ -491,6 +492,9 @@ fn divide<T: Real, S: Stepper<T>>(
         {
             level += 1;
         }
+    }
+    if !S::ESTIMATES {
+        run.ceiling = S::TOP;
     }
     true
 }

@@ -281,14 +281,13 @@ pub fn fit_on_path(
     OnPath { rig, records, fit: lines, is_open }
 }
 
-/// The rig and its records with the command on a curve between its samples; none where it is on one already, or is the
-/// same.
+/// The rig and its records with the command on a curve between its samples; none where the rig says another path, or that is
+/// the same.
 pub fn curved(rig: &Rig, records: &[Prepared]) -> Option<(Rig, Vec<Prepared>)> {
-    let along = CommandPath::Curve;
-    if rig.command_path == along || rig.form.drive != Drive::Valve {
+    if rig.command_path != CommandPath::Lines || rig.form.drive != Drive::Valve {
         return None;
     }
-    let curved = Rig { command_path: along, ..rig.clone() };
+    let curved = Rig { command_path: CommandPath::Curve, ..rig.clone() };
     let other: Vec<Prepared> = records.iter().map(|record| record.along(&curved)).collect();
     let differs = other.iter().zip(records).any(|(curve, lines)| !curve.flies_as(lines));
     differs.then_some((curved, other))

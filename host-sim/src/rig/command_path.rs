@@ -12,6 +12,9 @@ pub enum CommandPath {
     /// It was a continuous function of time when it was recorded: smooth, with corners at samples, and with jumps that come
     /// just before the sample that shows them.
     Curve,
+    /// The computer that commands keeps the value of a sample until the next one. Only a rig can say so: half a sample of
+    /// delay is what a sensor may have as well.
+    Held,
 }
 
 /// A difference is a jump, and a bend a corner, if it is this many times as large as those before and behind it.
@@ -35,6 +38,10 @@ impl CommandPath {
         match self {
             Self::Lines => Knots { command: samples.to_vec(), arriving: Vec::new() },
             Self::Curve => curve(samples),
+            Self::Held => {
+                let before = samples.first().into_iter().chain(samples);
+                Knots { command: samples.to_vec(), arriving: before.take(samples.len()).copied().collect() }
+            }
         }
     }
 }

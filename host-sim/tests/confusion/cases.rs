@@ -272,6 +272,7 @@ impl Case {
         let mut data = match self.program.path {
             CommandPath::Lines => plant.record(&command.sampled(*samples, PERIOD), *samples),
             CommandPath::Curve => plant.simulate(command, *samples, DEFAULT_STEP),
+            CommandPath::Held => plant.simulate(&command.held(*samples, PERIOD), *samples, DEFAULT_STEP),
         };
         let mut channels = vec![(Channel::Command, data.command.clone())];
         let series = [&mut data.lvdt, &mut data.ram, &mut data.current, &mut data.pressure];

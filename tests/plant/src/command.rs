@@ -35,6 +35,8 @@ pub enum Command {
     },
     /// Samples from time zero on at a period (s), joined by straight lines, the last one held.
     Sampled(Vec<f64>, f64),
+    /// The same, each held until the next one.
+    Held(Vec<f64>, f64),
 }
 
 impl Command {
@@ -104,7 +106,18 @@ impl Command {
                     None => samples.last().copied().unwrap_or(0.0),
                 }
             }
+            Self::Held(samples, period) => {
+                // A sample's time may be rounded down.
+                let index = (t / period + 1e-10).max(0.0) as usize;
+                samples.get(index).or(samples.last()).copied().unwrap_or(0.0)
+            }
         }
+    }
+
+    /// The same command from a computer that gives `samples` samples every `period`, and holds each.
+    #[must_use]
+    pub fn held(&self, samples: usize, period: f64) -> Self {
+        Self::Held((0..samples).map(|i| self.value(crate::sample_time(i, period))).collect(), period)
     }
 
     /// The same command as a recorder with `samples` samples every `period` knows it.
