@@ -277,6 +277,7 @@ pub fn fit_on_path(
     if !curve.interrupted && leaves_less && gain > TOLD_APART {
         return OnPath { rig: curved_rig, records: curved_records, fit: curve, is_open: false };
     }
+    lines.interrupted |= curve.interrupted;
     let is_open = gain.abs() <= TOLD_APART && lines.hold(&curve);
     OnPath { rig, records, fit: lines, is_open }
 }
