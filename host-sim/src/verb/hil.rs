@@ -8,7 +8,7 @@ use crate::hil::line::Line;
 use crate::hil::stream::{Growth, Simulated, of_record};
 use crate::hil::{Outcome, Session};
 use crate::output::{self, number, quantity};
-use crate::rig::{Rig, parameter_named};
+use crate::rig::{CommandPath, Rig, parameter_named};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::problem::Free;
 use eha_monitor::link::message::{FAULTS, FromMonitor, ReportMessage};
@@ -79,6 +79,12 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let rig = rig(common, DEFAULT_RIG)?;
     let session = session(common, options, &rig)?;
     session.check()?;
+    if rig.command_path != CommandPath::Lines {
+        output::log(
+            common,
+            "the monitor joins the samples of a command by straight lines, whatever the rig says",
+        );
+    }
     let (line, name) = if let Some(port) = &options.port {
         (Line::to_port(port, options.baud)?, port.display().to_string())
     } else {
