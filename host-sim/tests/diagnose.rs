@@ -67,6 +67,14 @@ fn fault(result: &Value, name: &str) -> (f64, f64) {
     (row["value"].as_f64().unwrap(), row["standard_error"].as_f64().unwrap())
 }
 
+/// Both faults are within some standard errors of the truth.
+fn faults_are_right(result: &Value, errors: f64, what: &str) {
+    for (name, truth) in [("bkl", BKL), ("fdj", FDJ)] {
+        let (value, error) = fault(result, name);
+        assert!((value - truth).abs() < errors * error, "{what}: {name} = {value} +- {error}, not {truth}");
+    }
+}
+
 fn class(result: &Value) -> Vec<String> {
     let effects = result["effects"].as_array().unwrap();
     effects
@@ -83,10 +91,7 @@ fn explained_by(plant: &Plant, seed: u64, effect: &str) {
     assert!(class(&result).iter().any(|name| name == effect), "{effect}: {:?}", class(&result));
     let held = result["error"]["holdout"]["after_rms_m"].as_f64().unwrap();
     assert!(held < 1.2 * POSITION_NOISE, "{effect}: {held} m held out");
-    for (name, truth) in [("bkl", BKL), ("fdj", FDJ)] {
-        let (value, error) = fault(&result, name);
-        assert!((value - truth).abs() < 5.0 * error, "{effect}: {name} = {value} +- {error}, not {truth}");
-    }
+    faults_are_right(&result, 5.0, effect);
 }
 
 #[test]
@@ -124,10 +129,7 @@ fn a_command_that_is_recorded_in_steps_is_no_effect() {
     for seed in [51, 61] {
         let result = diagnose_flown(coarse, seed);
         assert_eq!(result["verdict"], "adequate", "seed {seed}: {result:#}");
-        for (name, truth) in [("bkl", BKL), ("fdj", FDJ)] {
-            let (value, error) = fault(&result, name);
-            assert!((value - truth).abs() < 4.0 * error, "{name} = {value} +- {error}, not {truth}");
-        }
+        faults_are_right(&result, 4.0, "in steps");
     }
 }
 
@@ -143,13 +145,7 @@ fn a_command_that_is_a_curve_is_no_fault() {
             let result = host_sim("identify", |command| command.arg(record));
             assert_eq!(result["config"]["model"]["command_path"], path, "{result:#}");
             assert!(result["mean_square"].as_f64().unwrap() < 1.2, "{result:#}");
-            for (name, truth) in [("bkl", BKL), ("fdj", FDJ)] {
-                let (value, error) = fault(&result, name);
-                assert!(
-                    (value - truth).abs() < 4.0 * error,
-                    "{path}: {name} = {value} +- {error}, not {truth}"
-                );
-            }
+            faults_are_right(&result, 4.0, path);
         }
     }
 }

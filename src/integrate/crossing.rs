@@ -3,7 +3,6 @@
 use super::guards::Guards;
 use super::{Run, Step, Stepper, ceiling};
 use crate::model::Model;
-use crate::model::corridor::WATCHED;
 use crate::model::state::{FULL_ORDER, Input, InputSegment};
 use crate::scalar::Real;
 
@@ -22,8 +21,7 @@ pub(super) fn cross<T: Real, S: Stepper<T>>(
     elapsed: T,
     observe: &mut impl FnMut(T),
 ) {
-    run.fall = Guards::NONE;
-    (run.swing, run.has_margin) = ([T::ZERO; WATCHED], false);
+    run.forget_motion();
     let mut done = T::ZERO;
     for _ in 0..EVENTS_PER_STEP {
         if !meet(stepper, model, run, segment, elapsed, &mut done, observe) {

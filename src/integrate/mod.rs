@@ -125,6 +125,12 @@ impl<T: Real> Run<T> {
         self.has_guards = true;
     }
 
+    /// What the motion was like on the way here is not what it will be like.
+    fn forget_motion(&mut self) {
+        self.fall = Guards::NONE;
+        (self.swing, self.has_margin) = ([T::ZERO; WATCHED], false);
+    }
+
     /// The input jumps at a time between two samples: what that violates changes the mode on the spot.
     #[cold]
     #[inline(never)]
@@ -138,8 +144,8 @@ impl<T: Real> Run<T> {
             self.guards = at(self, to);
         }
         self.mode_number = self.mode.number();
-        (self.fall, self.has_guards) = (Guards::NONE, true);
-        (self.swing, self.stride, self.has_margin) = ([T::ZERO; WATCHED], 1, false);
+        self.forget_motion();
+        (self.stride, self.has_guards) = (1, true);
         // What a jump sets going, no step before tells of: finest steps to the end of the sample.
         (self.calm, self.ceiling, self.is_refused) = (0, 0, true);
     }
@@ -288,8 +294,7 @@ fn meet_rate<T: Real, S: Stepper<T>>(
         model.switch(index, &mut run.mode, &mut run.state, &segment.start);
         run.mode_number = run.mode.number();
         run.events += 1;
-        run.fall = Guards::NONE;
-        (run.swing, run.has_margin) = ([T::ZERO; WATCHED], false);
+        run.forget_motion();
         run.guards = here(run);
         stepper.enter(model, run);
     } else {

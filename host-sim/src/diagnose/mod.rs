@@ -379,6 +379,5 @@ fn inflation(records: &[Prepared], predictions: &[Vec<Outputs<f64>>], misfit: &M
 /// Misfit of a model on records.
 pub fn score(rig: &Rig, records: &[Prepared]) -> Score {
     let series = residual::series(records, &fit::predict(rig, records), 0).concat();
-    let squares: Vec<f64> = series.iter().filter(|x| x.is_finite()).map(|x| x * x).collect();
-    Score { position_rms: (squares.iter().sum::<f64>() / squares.len() as f64).sqrt() }
+    Score { position_rms: fit::rms(series.into_iter()) }
 }

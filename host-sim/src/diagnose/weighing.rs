@@ -129,11 +129,8 @@ fn differ(
 ) -> bool {
     records.iter().zip(one).zip(other).any(|((record, one), other)| {
         (0..MEASURED).any(|channel| {
-            let square = |(a, b): (&Outputs<f64>, &Outputs<f64>)| {
-                (a.to_array()[channel] - b.to_array()[channel]).powi(2)
-            };
-            let sum: f64 = one.iter().zip(other).map(square).sum();
-            record.noise[channel].is_finite() && (sum / record.len().max(1) as f64).sqrt() > bar[channel]
+            let changes = fit::differences(one, other, channel);
+            record.noise[channel].is_finite() && fit::rms(changes) > bar[channel]
         })
     })
 }

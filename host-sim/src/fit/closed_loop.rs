@@ -1,7 +1,7 @@
 //! How well a model reproduces an axis whose controller is known: the force that the controller asks for, in closed
 //! loop, and the position in open loop over windows that start anew.
 
-use super::{Prepared, predict, prepare, residual_series};
+use super::{Prepared, predict, prepare, residual_series, rms};
 use crate::record::Record;
 use crate::rig::Rig;
 use eha_monitor::model::state::Outputs;
@@ -28,13 +28,6 @@ pub fn loop_score(rig: &Rig, records: &[Record]) -> Option<LoopScore> {
         rms(residual_series(&cores, &predict(&rig, &open), 0).into_iter().flatten())
     });
     Some(LoopScore { force_error, open_loop_rms })
-}
-
-fn rms(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values
-        .filter(|value| value.is_finite())
-        .fold((0.0, 0_usize), |(sum, count), value| (sum + value * value, count + 1));
-    (sum / count.max(1) as f64).sqrt()
 }
 
 /// Simulated against recorded drive over the samples that are compared.

@@ -8,7 +8,8 @@ mod prepare;
 
 pub use closed_loop::{LoopScore, loop_score};
 pub use noise::{
-    NoiseSource, SMALLEST_NOISE, correlation_time, noise_of, noise_source, pooled, quantum, residual_series,
+    NoiseSource, SMALLEST_NOISE, correlation_time, differences, noise_of, noise_source, pooled, quantum,
+    residual_series, rms,
 };
 pub use polish::{Polished, approach, foresee, misfit, misfit_within, polish};
 pub use prepare::{Prepared, prepare, prepare_with};
@@ -19,7 +20,6 @@ use eha_monitor::channel::Channel;
 use eha_monitor::fit::identify::{self, Identification, Progress, StopReason};
 use eha_monitor::fit::problem::{Misfit, Problem};
 use eha_monitor::integrate::Stepper;
-use eha_monitor::model::Drive;
 use eha_monitor::model::state::Outputs;
 use eha_monitor::parameter::{Parameter, Parameters};
 use engine::{FIT_TOLERANCE, Job, LOOK_TOLERANCE, on_records};
@@ -285,7 +285,7 @@ pub fn fit_on_path(
 /// The rig and its records with the command on a curve between its samples; none where the rig says another path, or that is
 /// the same.
 pub fn curved(rig: &Rig, records: &[Prepared]) -> Option<(Rig, Vec<Prepared>)> {
-    if rig.command_path != CommandPath::Lines || rig.form.drive != Drive::Valve {
+    if rig.command_path != CommandPath::Lines {
         return None;
     }
     let curved = Rig { command_path: CommandPath::Curve, ..rig.clone() };

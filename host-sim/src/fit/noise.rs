@@ -157,6 +157,23 @@ pub(super) fn residual_rms(
     })
 }
 
+/// Root mean square of the values that are finite.
+pub fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values
+        .filter(|value| value.is_finite())
+        .fold((0.0, 0_usize), |(sum, count), value| (sum + value * value, count + 1));
+    (sum / count.max(1) as f64).sqrt()
+}
+
+/// One prediction of a record minus another one, sample by sample, in a measured channel.
+pub fn differences<'a>(
+    one: &'a [Outputs<f64>],
+    other: &'a [Outputs<f64>],
+    channel: usize,
+) -> impl Iterator<Item = f64> + 'a {
+    one.iter().zip(other).map(move |(one, other)| one.to_array()[channel] - other.to_array()[channel])
+}
+
 /// How many samples of a residual say the same thing: its integrated autocorrelation time, in samples, at least 1. The
 /// sum ends at the first lag whose correlation is within its own noise.
 pub fn correlation_time(all: &[Vec<f64>]) -> f64 {

@@ -1,13 +1,12 @@
 //! A record made ready for the core: inputs joined, start state found, settling marked.
 
-use super::noise::{command_step, correlation_time, noise_of};
+use super::noise::{command_step, correlation_time, differences, noise_of, rms};
 use crate::record::Record;
 use crate::rig::{Knots, Rig};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::problem::{Record as CoreRecord, Start};
 use eha_monitor::model::Drive;
 use eha_monitor::model::drive::Law;
-use eha_monitor::model::state::Outputs;
 use eha_monitor::parameter::Parameters;
 use std::slice;
 
@@ -142,11 +141,8 @@ impl Prepared {
         let [as_recorded, moved] =
             [&self, &moved].map(|record| super::glimpse(rig, slice::from_ref(record)).concat());
         for channel in 0..MEASURED {
-            let change =
-                |(a, b): (&Outputs<f64>, &Outputs<f64>)| a.to_array()[channel] - b.to_array()[channel];
-            let changes: Vec<f64> = as_recorded.iter().zip(&moved).map(change).collect();
-            let lost =
-                (changes.iter().map(|change| change * change).sum::<f64>() / changes.len() as f64).sqrt();
+            let changes: Vec<f64> = differences(&as_recorded, &moved, channel).collect();
+            let lost = rms(changes.iter().copied());
             let repeats = correlation_time(&[changes]);
             self.lost[channel] = lost;
             self.noise[channel] = self.noise[channel].hypot(lost * repeats.sqrt());

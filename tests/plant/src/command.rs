@@ -117,12 +117,16 @@ impl Command {
     /// The same command from a computer that gives `samples` samples every `period`, and holds each.
     #[must_use]
     pub fn held(&self, samples: usize, period: f64) -> Self {
-        Self::Held((0..samples).map(|i| self.value(crate::sample_time(i, period))).collect(), period)
+        Self::Held(self.values(samples, period), period)
     }
 
     /// The same command as a recorder with `samples` samples every `period` knows it.
     #[must_use]
     pub fn sampled(&self, samples: usize, period: f64) -> Self {
-        Self::Sampled((0..samples).map(|i| self.value(crate::sample_time(i, period))).collect(), period)
+        Self::Sampled(self.values(samples, period), period)
+    }
+
+    fn values(&self, samples: usize, period: f64) -> Vec<f64> {
+        (0..samples).map(|i| self.value(crate::sample_time(i, period))).collect()
     }
 }
