@@ -249,9 +249,10 @@ pub fn end_words(fit: &Fit) -> &'static str {
 /// Strong correlations of the estimates, in words.
 pub fn correlation_warnings(fit: &Fit) -> Vec<String> {
     let mut warnings = Vec::new();
+    let correlation = fit.correlation();
     for (row, first) in fit.estimates.iter().enumerate() {
         for (column, second) in fit.estimates.iter().enumerate().take(row) {
-            let correlation = fit.correlation[row][column];
+            let correlation = correlation[row][column];
             if correlation.abs() > 0.95 {
                 warnings.push(format!(
                     "{} and {} are told apart badly by these records (correlation {correlation:.3})",

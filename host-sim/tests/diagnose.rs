@@ -1,6 +1,6 @@
 //! `diagnose` on records of the independent plant, each with something that the monitor's model does not declare.
 
-use reference_plant::{Command, DEFAULT_STEP, Plant, Record, Tone, add_noise, quantise};
+use reference_plant::{Command, DEFAULT_STEP, Plant, Record, Rule, Tone, add_noise, quantise};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -27,13 +27,25 @@ fn save(directory: &Path, name: &str, record: Record, seed: u64) -> PathBuf {
     let Record { command, mut lvdt, mut current, .. } = record;
     add_noise(&mut lvdt, POSITION_NOISE, seed);
     add_noise(&mut current, CURRENT_NOISE, seed + 100);
-    let mut text = String::from("t_s,command_m,lvdt_m,current_mA\n");
-    for (sample, ((command, lvdt), current)) in command.iter().zip(&lvdt).zip(&current).enumerate() {
-        writeln!(text, "{},{command},{lvdt},{current}", sample as f64 / 1000.0).unwrap();
-    }
     let path = directory.join(name);
-    std::fs::write(&path, text).unwrap();
+    std::fs::write(&path, csv(&[("command_m", &command), ("lvdt_m", &lvdt), ("current_mA", &current)]))
+        .unwrap();
     path
+}
+
+/// The text of a record at 1 kHz.
+fn csv(columns: &[(&str, &Vec<f64>)]) -> String {
+    let mut text = String::from("t_s");
+    for (name, _) in columns {
+        write!(text, ",{name}").unwrap();
+    }
+    for sample in 0..SAMPLES {
+        write!(text, "\n{}", sample as f64 / 1000.0).unwrap();
+        for (_, values) in columns {
+            write!(text, ",{}", values[sample]).unwrap();
+        }
+    }
+    text
 }
 
 /// Fits a chirp and the mixed command, holds the steps back.
@@ -148,6 +160,28 @@ fn a_command_that_is_a_curve_is_no_fault() {
             faults_are_right(&result, 4.0, path);
         }
     }
+}
+
+#[test]
+fn an_interval_holds_what_no_number_of_samples_averages_out() {
+    // Steps of first order err by the same at every reversal.
+    let mut plant = faulty();
+    plant.rule = Rule::SemiImplicitEuler;
+    let Record { command, mut lvdt, ram, current, pressure, .. } = plant.record(&Command::SINE, SAMPLES);
+    add_noise(&mut lvdt, POSITION_NOISE, 71);
+    let columns = [
+        ("command_m", &command),
+        ("lvdt_m", &lvdt),
+        ("ram_m", &ram),
+        ("current_mA", &current),
+        ("dp_Pa", &pressure),
+    ];
+    let directory = tempfile::tempdir().unwrap();
+    let exact = directory.path().join("exact.csv");
+    std::fs::write(&exact, csv(&columns)).unwrap();
+    let result = host_sim("identify", |command| command.arg(exact));
+    faults_are_right(&result, 1.96, "exact channels");
+    assert!(fault(&result, "fdj").1 < 1e-3 * FDJ, "{result:#}");
 }
 
 #[test]

@@ -58,7 +58,7 @@ impl Hypothesis {
         let train = Polished {
             values: fit.estimates.iter().map(|estimate| estimate.value).collect(),
             misfit: fit.misfit,
-            covariance: fit.covariance(),
+            covariance: fit.covariance.clone(),
             evaluations: fit.evaluations,
         };
         let rig = fit.applied(case.rig);
@@ -137,14 +137,11 @@ impl Hypothesis {
         effect.parameters.len() as f64 * count.ln().max(1.0) + 2.0 * (EFFECTS.len() as f64).ln()
     }
 
-    /// What is free, with errors for white noise that is `inflation` times as strong.
-    pub(super) fn estimates(&self, inflation: f64) -> Vec<Estimate> {
-        let values = self.ranges.iter().zip(&self.train.values).enumerate();
-        values
-            .map(|(index, (range, &value))| {
-                Estimate::new(range, value, self.train.standard_error(index) * inflation.sqrt())
-            })
-            .collect()
+    /// What is free, with errors for white noise that is `inflation` times as strong, and for the model's own error.
+    pub(super) fn estimates(&self, case: &Case<'_>, inflation: f64) -> Vec<Estimate> {
+        let errors = fit::standard_errors(&self.rig, &self.ranges, &self.train, inflation, case.train());
+        let values = self.ranges.iter().zip(&self.train.values).zip(errors);
+        values.map(|((range, &value), error)| Estimate::new(range, value, error)).collect()
     }
 
     /// The effect that was added last.

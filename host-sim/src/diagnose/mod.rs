@@ -37,7 +37,7 @@ use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
 use hypothesis::Hypothesis;
-use residual::{ChannelResidual, Description, MEASURED, MODEL_ERROR};
+use residual::{ChannelResidual, Description, MEASURED};
 use weighing::Earned;
 
 /// Seeds from which the declared faults are fitted where the first leaves more than noise.
@@ -130,8 +130,7 @@ pub struct Diagnosis {
 
 impl Diagnosis {
     /// Widens the intervals to hold those of the same model on another path of the command, which may be it as well.
-    fn hold(&mut self, there: &Hypothesis) {
-        let others = there.estimates(1.0);
+    fn hold(&mut self, others: &[Estimate]) {
         let of_faults = self.faults.iter_mut().map(|fault| &mut fault.estimate);
         let of_effects = self.found.iter_mut().flat_map(|found| &mut found.estimates);
         for estimate in of_faults.chain(&mut self.free).chain(of_effects) {
@@ -161,7 +160,10 @@ impl<'a> Case<'a> {
     /// A case of records that are ready for a rig, of which the first ones are fitted.
     pub fn new(rig: &'a Rig, records: &'a [Prepared], fitted: usize) -> Self {
         let error = |channel: usize| {
-            records.iter().map(|record| MODEL_ERROR[channel].hypot(record.lost[channel])).fold(0.0, f64::max)
+            records
+                .iter()
+                .map(|record| fit::MODEL_ERROR[channel].hypot(record.lost[channel]))
+                .fold(0.0, f64::max)
         };
         Self {
             rig,
@@ -204,7 +206,7 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Di
     let there = best.refitted(&curved);
     let is_told = best.is_likelier(&there);
     if diagnosis.verdict != Verdict::Unexplained && !is_told {
-        diagnosis.hold(&there);
+        diagnosis.hold(&there.estimates(&curved, 1.0));
     }
     let is_settled = is_told
         || diagnosis.verdict == Verdict::Adequate
@@ -321,7 +323,7 @@ fn conclude(case: &Case<'_>, before: Fit, best: &Hypothesis, earned: &[Earned], 
         (false, _) => Verdict::Unexplained,
     };
     let inflation = if noise_only { 1.0 } else { inflation(case.train(), &predictions, &best.train.misfit) };
-    let estimates: Vec<Estimate> = best.estimates(inflation);
+    let estimates: Vec<Estimate> = best.estimates(case, inflation);
     let found: Vec<Found> = earned
         .iter()
         .zip(&open.stand_ins)
@@ -339,12 +341,14 @@ fn conclude(case: &Case<'_>, before: Fit, best: &Hypothesis, earned: &[Earned], 
                 .collect(),
         })
         .collect();
+    let others: Vec<Vec<Estimate>> =
+        open.stand_ins.iter().flatten().map(|other| other.estimates(case, inflation)).collect();
     let faults = (0..case.rig.faults.len())
         .map(|index| {
             let mut estimate = estimates[index];
             // Whatever stands in for an effect has its own opinion of the faults: the interval holds them all.
-            for other in open.stand_ins.iter().flatten() {
-                estimate.hold(&other.estimates(inflation)[index]);
+            for other in &others {
+                estimate.hold(&other[index]);
             }
             Fault { estimate, confounded_with: open.confounded[index].clone() }
         })

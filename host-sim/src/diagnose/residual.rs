@@ -9,10 +9,6 @@ use std::slice;
 /// Channels that the model predicts.
 pub const MEASURED: usize = Channel::MEASURED.len();
 
-/// Error of the model itself (its integration, against the same equations at 1e-6 s) in each measured channel: an
-/// effect that changes a prediction by less does not matter.
-pub const MODEL_ERROR: [f64; MEASURED] = [0.3e-6, 0.3e-6, 3e-3, 3e3];
-
 /// Blocks in which a gain is looked at: long against the residual's correlation, many enough for a spread.
 const BLOCKS: usize = 64;
 

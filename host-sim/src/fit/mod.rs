@@ -5,14 +5,16 @@ pub mod engine;
 mod noise;
 mod polish;
 mod prepare;
+mod systematic;
 
 pub use closed_loop::{LoopScore, loop_score};
 pub use noise::{
-    NoiseSource, SMALLEST_NOISE, correlation_time, differences, noise_of, noise_source, pooled, quantum,
-    residual_series, rms,
+    MODEL_ERROR, NoiseSource, SMALLEST_NOISE, correlation_time, differences, noise_of, noise_source, pooled,
+    quantum, residual_series, rms,
 };
 pub use polish::{Polished, approach, foresee, misfit, misfit_within, polish};
 pub use prepare::{Prepared, prepare, prepare_with};
+pub use systematic::standard_errors;
 
 use crate::interrupt;
 use crate::rig::{CommandPath, Range, Rig};
@@ -23,6 +25,7 @@ use eha_monitor::integrate::Stepper;
 use eha_monitor::model::state::Outputs;
 use eha_monitor::parameter::{Parameter, Parameters};
 use engine::{FIT_TOLERANCE, Job, LOOK_TOLERANCE, on_records};
+use nalgebra::SMatrix;
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -97,8 +100,8 @@ impl Estimate {
 pub struct Fit {
     /// The free parameters.
     pub estimates: Vec<Estimate>,
-    /// Correlation of the estimates.
-    pub correlation: Vec<Vec<f64>>,
+    /// Covariance of the estimates, as far as it comes from noise.
+    pub covariance: Vec<Vec<f64>>,
     /// All parameters, fitted ones included.
     pub parameters: Parameters<f64>,
     /// Misfit in units of the noise.
@@ -151,14 +154,13 @@ impl Fit {
         self.estimates.iter().find(|estimate| estimate.parameter == parameter)
     }
 
-    /// Covariance of the estimates.
-    pub fn covariance(&self) -> Vec<Vec<f64>> {
-        let errors = self.estimates.iter().map(|estimate| estimate.standard_error);
-        errors
-            .clone()
-            .zip(&self.correlation)
-            .map(|(error, row)| row.iter().zip(errors.clone()).map(|(r, other)| r * error * other).collect())
-            .collect()
+    /// Correlation of the estimates, as far as they err by noise.
+    pub fn correlation(&self) -> Vec<Vec<f64>> {
+        let error = |index: usize| self.covariance[index][index].sqrt();
+        let row = |(index, row): (usize, &Vec<f64>)| {
+            row.iter().enumerate().map(|(other, both)| both / (error(index) * error(other))).collect()
+        };
+        self.covariance.iter().enumerate().map(row).collect()
     }
 
     /// Widens the intervals to hold those of another fit, which may be right as well; does one grow by more than its
@@ -369,7 +371,9 @@ fn search<S: Stepper<f64>>(
     };
     let best = identification.search().best().map_or([0.0; MAX_FREE], |(genes, _)| *genes);
     let genes = identification.result().map_or(best, |finish| finish.genes);
-    let covariance = identification.result().and_then(|finish| finish.normal.covariance());
+    let unknown = SMatrix::from_element(f64::NAN);
+    let covariance = identification.result().and_then(|finish| finish.normal.covariance()).unwrap_or(unknown);
+    let systematic = systematic::of_genes(problem, &genes, &covariance, steppers);
     let misfit = match identification.result() {
         Some(finish) => finish.normal.misfit,
         None => problem.misfit(&genes, &mut steppers[0]),
@@ -381,31 +385,29 @@ fn search<S: Stepper<f64>>(
         misfit.mean_square().max(1.0) * correlation_time(&residual_series(problem.records, &predictions, 0))
     };
     let count = problem.free.len();
-    let covariance =
-        |row: usize, column: usize| covariance.map_or(f64::NAN, |matrix| matrix[(row, column)] * inflation);
+    let covariance: Vec<Vec<f64>> = (0..count)
+        .map(|row| {
+            let entry = |column: usize| {
+                let scale = problem.free[row].range() * problem.free[column].range();
+                covariance[(row, column)] * inflation * scale
+            };
+            (0..count).map(entry).collect()
+        })
+        .collect();
     let estimates = problem
         .free
         .iter()
         .enumerate()
         .map(|(gene, free)| {
-            let standard_error = covariance(gene, gene).sqrt() * free.range();
+            let standard_error = covariance[gene][gene].sqrt().hypot(systematic[gene] * free.range());
             let range = Range { parameter: free.parameter, lower: free.lower, upper: free.upper };
             Estimate::new(&range, free.value(genes[gene]), standard_error)
-        })
-        .collect();
-    let correlation = (0..count)
-        .map(|row| {
-            (0..count)
-                .map(|column| {
-                    covariance(row, column) / (covariance(row, row) * covariance(column, column)).sqrt()
-                })
-                .collect()
         })
         .collect();
     let children = identification.counters().evaluations.max(1);
     Fit {
         estimates,
-        correlation,
+        covariance,
         parameters: problem.parameters_of(&genes),
         misfit,
         residual_rms: noise::residual_rms(problem.records, &predictions),

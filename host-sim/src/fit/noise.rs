@@ -8,9 +8,14 @@ use eha_monitor::model::state::Outputs;
 
 const MEASURED: usize = Channel::MEASURED.len();
 
-/// Noise below which a channel is not believed: the model's own numerical error, 0.1 um of position, and what that is
-/// in the other channels of the source's actuator.
+/// Noise below which a channel is not believed: 0.1 um of position, and what that is in the other channels of the source's
+/// actuator.
 pub const SMALLEST_NOISE: [f64; MEASURED] = [1e-7, 1e-7, 1e-3, 1e3];
+
+/// Error of a model in each measured channel though nothing is missing: how far its steps, or those of the program that
+/// made a record, may be off the solution of the equations. It repeats itself, and an effect that changes a prediction by
+/// less does not matter.
+pub const MODEL_ERROR: [f64; MEASURED] = [0.3e-6, 0.3e-6, 3e-3, 3e3];
 
 /// A command that turns at fewer than one in so many samples goes in straight lines.
 const SELDOM: usize = 20;

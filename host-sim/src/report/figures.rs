@@ -473,9 +473,9 @@ pub(super) fn correlation_matrix(fit: &Fit) -> Markup {
             figcaption { span.title { "Correlation of the estimates" } }
             div.scroll { table.matrix {
                 thead { tr { th {} @for name in &names { th { (name) } } } }
-                tbody { @for (name, row) in names.iter().zip(&fit.correlation) { tr {
+                tbody { @for (name, row) in names.iter().zip(fit.correlation()) { tr {
                     th { (name) }
-                    @for &value in row {
+                    @for value in row {
                         @let strength = if value.is_finite() { (value.abs() * 60.0).round() } else { 0.0 };
                         @let colour = if value < 0.0 { "before" } else { "model" };
                         td { span style=(format!("background: color-mix(in srgb, var(--{colour}) {strength}%, transparent)")) {

@@ -123,7 +123,7 @@ pub(super) fn search(
         @if let Some((estimates, whole, near)) = &surfaces {
             (figures::whole_surface(whole, *estimates, &visits))
             @if let Some(near) = near {
-                (figures::near_surface(near, *estimates, fit.correlation[0][1], fit.inflation))
+                (figures::near_surface(near, *estimates, fit.correlation()[0][1], fit.inflation))
             }
         } @else if pair.is_some() {
             p.note { "The cost over the faults is not drawn: these records are too long for it, or the search was interrupted." }

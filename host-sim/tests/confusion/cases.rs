@@ -241,7 +241,7 @@ impl Case {
         let residuals = diagnose::residual::of_channels(&prepared, &predictions);
         let largest = residuals
             .iter()
-            .zip(diagnose::residual::MODEL_ERROR)
+            .zip(fit::MODEL_ERROR)
             .map(|(residual, error)| residual.map_or(0.0, |residual| residual.rms / error))
             .fold(0.0, f64::max);
         Left { chi_square: fit.misfit.chi_square, count: fit.misfit.count, largest }
