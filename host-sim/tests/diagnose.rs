@@ -65,6 +65,28 @@ fn diagnose_flown(fly: impl Fn(&Command) -> Record, seed: u64) -> Value {
     })
 }
 
+/// Fits the positions of two commands that are flown as they are, holds a third one back.
+fn diagnose_positions(plant: &Plant, commands: &[Command; 3], noise: f64, seed: u64) -> Value {
+    let directory = tempfile::tempdir().unwrap();
+    let rig = directory.path().join("rig.toml");
+    std::fs::write(&rig, "base = \"eha\"\n[model]\ncommand-path = \"curve\"\n").unwrap();
+    let paths: Vec<PathBuf> = commands
+        .iter()
+        .zip(seed..)
+        .map(|(flown, seed)| {
+            let Record { command, mut lvdt, .. } = fly_curve(plant, flown);
+            add_noise(&mut lvdt, noise, seed);
+            let path = directory.path().join(format!("{seed}.csv"));
+            std::fs::write(&path, csv(&[("command_m", &command), ("lvdt_m", &lvdt)])).unwrap();
+            path
+        })
+        .collect();
+    let [first, second, held] = &paths[..] else { unreachable!("three commands") };
+    host_sim("diagnose", |command| {
+        command.args([first, second]).arg("--holdout").arg(held).arg("--rig").arg(rig)
+    })
+}
+
 /// What a verb prints as JSON.
 fn host_sim(verb: &str, ask: impl FnOnce(&mut process::Command) -> &mut process::Command) -> Value {
     let mut command = process::Command::new(env!("CARGO_BIN_EXE_host-sim"));
@@ -205,6 +227,33 @@ fn a_load_a_lag_and_a_hysteresis_are_named() {
     let mut plant = faulty();
     plant.parameters.motor_hysteresis = 0.1;
     explained_by(&plant, 1, "torque-motor-hysteresis");
+}
+
+#[test]
+fn a_friction_that_makes_up_for_thinning_oil_does_not_hide_it() {
+    let mut plant = faulty();
+    (plant.parameters.backlash, plant.parameters.jack_friction) = (7.5e-4, 770.0);
+    (plant.effects.thinning_viscosity, plant.effects.thinning_velocity) = (6853.0, 0.0281);
+    let commands = [Command::Chirp { amplitude: 8.77e-3 }, Command::MixedStep, Command::CHIRP_LOW];
+    let result = diagnose_positions(&plant, &commands, 8e-6, 1);
+    assert_eq!(result["verdict"], "explained", "{result:#}");
+    assert_eq!(class(&result)[0], "shear-thinning");
+}
+
+#[test]
+fn a_held_out_record_that_is_not_explained_asks_for_another_effect() {
+    let mut plant = faulty();
+    (plant.parameters.backlash, plant.parameters.jack_friction) = (1.876e-4, 2847.0);
+    (plant.effects.thinning_viscosity, plant.effects.thinning_velocity) = (22_934.0, 0.0211);
+    plant.effects.sensor_delay = 5.8e-5;
+    let commands = [Command::Chirp { amplitude: 3.53e-3 }, Command::Mixed, Command::MixedStep];
+    let noise = 3.1e-6;
+    let result = diagnose_positions(&plant, &commands, noise, 1);
+    assert_eq!(result["verdict"], "explained", "{result:#}");
+    for effect in ["shear-thinning", "sensor-delay"] {
+        assert!(class(&result).iter().any(|name| name == effect), "{effect}: {:?}", class(&result));
+    }
+    assert!(result["error"]["holdout"]["after_rms_m"].as_f64().unwrap() < 1.12 * noise, "{result:#}");
 }
 
 #[test]

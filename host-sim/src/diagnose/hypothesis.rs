@@ -137,9 +137,15 @@ impl Hypothesis {
         effect.parameters.len() as f64 * count.ln().max(1.0) + 2.0 * (EFFECTS.len() as f64).ln()
     }
 
-    /// What is free, with errors for white noise that is `inflation` times as strong, and for the model's own error.
-    pub(super) fn estimates(&self, case: &Case<'_>, inflation: f64) -> Vec<Estimate> {
-        let errors = fit::standard_errors(&self.rig, &self.ranges, &self.train, inflation, case.train());
+    /// What is free, with errors for white noise that is `inflation` times as strong; none where noise is what is left.
+    pub(super) fn estimates(&self, case: &Case<'_>, inflation: Option<f64>) -> Vec<Estimate> {
+        let inflated = |inflation: f64| {
+            (0..self.ranges.len()).map(|index| self.train.standard_error(index) * inflation.sqrt()).collect()
+        };
+        let errors: Vec<f64> = inflation.map_or_else(
+            || fit::standard_errors(&self.rig, &self.ranges, &self.train, case.train()),
+            inflated,
+        );
         let values = self.ranges.iter().zip(&self.train.values).zip(errors);
         values.map(|((range, &value), error)| Estimate::new(range, value, error)).collect()
     }
@@ -212,9 +218,17 @@ impl Hypothesis {
             .into_iter()
             .partition(|prospect| self.confuses(case, prospect).any(|mixed| mixed));
         let wanted = promising.iter().map(gain).fold(wanted, f64::max);
-        let hides = !self.added.is_empty() && within_noise(&self.train.misfit);
+        let (is_first, is_noise) = (self.added.is_empty(), within_noise(&self.train.misfit));
+        let hides = is_noise && !is_first;
         let least = |prospect: &Prospect| {
-            if hides { HIDDEN * self.price(prospect.effect, 1.0) } else { PROMISING.max(FORESEEN * wanted) }
+            if hides {
+                HIDDEN * self.price(prospect.effect, 1.0)
+            } else if is_first && !is_noise {
+                // The faults may be far off to make up for an effect: the linear model there says nothing.
+                f64::NEG_INFINITY
+            } else {
+                PROMISING.max(FORESEEN * wanted)
+            }
         };
         promising.retain(|prospect| gain(prospect) > least(prospect));
         asked.retain(|prospect| !hides || gain(prospect) > least(prospect));
@@ -286,6 +300,26 @@ impl Hypothesis {
         Some(self.joined(case, Candidate { effect, ranges, fit }))
     }
 
+    /// The model with one more effect that all records ask for, where the fitted ones alone ask for nothing more.
+    fn asked_by_all(&self, case: &Case<'_>) -> Vec<Self> {
+        let whole = Case { fitted: case.records.len(), ..*case };
+        let rig = self.joint.applied(&self.rig, &self.ranges);
+        let of_all = Self { rig, train: self.joint.clone(), ..self.clone() };
+        let scale = self.scale();
+        let is_asked_for = |candidate: &Candidate| {
+            let gain = (self.joint.misfit.chi_square - candidate.fit.misfit.chi_square) / scale;
+            gain > self.price(candidate.effect, scale)
+        };
+        let asked: Vec<Candidate> = of_all.promising(&whole).into_iter().filter(is_asked_for).collect();
+        asked
+            .into_par_iter()
+            .filter_map(|Candidate { effect, ranges, fit }| {
+                let (ranges, fit) = candidate::fitted(&self.rig, ranges, &fit.values, case.train())?;
+                Some(self.joined(case, Candidate { effect, ranges, fit }))
+            })
+            .collect()
+    }
+
     /// The same model where the fits of more effects show a better valley of its own.
     fn moved(&self, case: &Case<'_>, candidates: &[Candidate]) -> Option<Self> {
         let shown = candidates.iter().map(|candidate| {
@@ -302,6 +336,12 @@ impl Hypothesis {
     /// The hypotheses with one more effect that the fitted records ask for. Where the fits of these show a better valley of
     /// the model without them, it moves there first.
     pub(super) fn grow(&mut self, case: &Case<'_>) -> Vec<Self> {
+        if self.is_in_doubt() {
+            let asked = self.asked_by_all(case);
+            if !asked.is_empty() {
+                return asked;
+            }
+        }
         let mut candidates = self.promising(case);
         for _ in 0..MOST_MOVES {
             let Some(moved) = self.moved(case, &candidates) else { break };

@@ -206,7 +206,7 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Di
     let there = best.refitted(&curved);
     let is_told = best.is_likelier(&there);
     if diagnosis.verdict != Verdict::Unexplained && !is_told {
-        diagnosis.hold(&there.estimates(&curved, 1.0));
+        diagnosis.hold(&there.estimates(&curved, None));
     }
     let is_settled = is_told
         || diagnosis.verdict == Verdict::Adequate
@@ -322,7 +322,7 @@ fn conclude(case: &Case<'_>, before: Fit, best: &Hypothesis, earned: &[Earned], 
         (true, false) => Verdict::Explained,
         (false, _) => Verdict::Unexplained,
     };
-    let inflation = if noise_only { 1.0 } else { inflation(case.train(), &predictions, &best.train.misfit) };
+    let inflation = (!noise_only).then(|| inflation(case.train(), &predictions, &best.train.misfit));
     let estimates: Vec<Estimate> = best.estimates(case, inflation);
     let found: Vec<Found> = earned
         .iter()

@@ -20,6 +20,8 @@ const NEAR: f64 = 0.6;
 const LARGEST: f64 = 10.0;
 const PER_DECADE: i32 = 10;
 const DECADES: i32 = 4;
+/// Sizes at which both parameters of an effect of two are tried where no signature leads to it, in its sizes.
+const COARSE: [f64; 3] = [0.3, 1.0, 3.0];
 /// Change of chi-square by a signature alone below which smaller sizes are not seen.
 const UNSEEN: f64 = 1.0;
 /// Most places at which the fit of an effect starts of those that were tried, the best first.
@@ -216,12 +218,29 @@ impl Seeker<'_> {
                 break;
             }
         }
-        let absent = (self.effect.parameters.len() == 1).then(|| self.place(0.0, NEAR * size));
         let seen = valleys(&costs, self.signatures.chi_square(&self.signatures.none()));
-        absent
-            .into_iter()
-            .chain(seen.into_iter().map(|index| self.place(sizes[index], sizes[index])))
-            .collect()
+        let mut places = self.unseen();
+        places.extend(seen.into_iter().map(|index| self.place(sizes[index], sizes[index])));
+        places
+    }
+
+    /// Where what is on one side of its absence is tried whatever its signature says. Where an effect of several parameters
+    /// is absent, the others say nothing; as the first, it has its coarse sizes, because the faults may be far off to make
+    /// up for it.
+    fn unseen(&self) -> Vec<Place> {
+        let size = self.effect.sizes[0];
+        if self.effect.parameters.len() == 1 {
+            return vec![self.place(0.0, NEAR * size)];
+        }
+        if !self.rig.effects.is_empty() {
+            return Vec::new();
+        }
+        let place = |change: f64, second: f64| {
+            let mut place = self.place(change * size, change * size);
+            place.values[1] *= second;
+            place
+        };
+        COARSE.iter().flat_map(|&first| COARSE.iter().map(move |&second| place(first, second))).collect()
     }
 
     /// A change of the first parameter and how far around the rig's value it is looked for; the others have their size.

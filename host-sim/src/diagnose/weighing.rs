@@ -73,7 +73,9 @@ impl Hypothesis {
             residual::correlation_time(case.holdout(), &self.predictions[case.fitted..])
         };
         let earns = |earned: &Earned| {
-            self.earns(earned, HOLDOUT_CHANCE * repeats)
+            earned.evidence > 0.0
+                && (self.harm(&earned.without) < HOLDOUT_CHANCE * repeats
+                    || noise_only && !self.changes_the_held_out(case, &earned.without))
                 && self.matters_against(case, &earned.without, noise_only)
                 && (noise_only || self.gains_everywhere(case, &earned.without))
         };
@@ -81,13 +83,17 @@ impl Hypothesis {
         idle.min_by(|a, b| a.evidence.total_cmp(&b.evidence))
     }
 
-    /// Is an effect significant, and do the held-out records agree, but for a rise of their chi-square that chance
-    /// explains?
-    fn earns(&self, earned: &Earned, chance: f64) -> bool {
-        let without = &earned.without;
+    /// By how much the held-out records' chi-square is above that of another model.
+    fn harm(&self, without: &Self) -> f64 {
         let held_out = |model: &Self| model.joint.misfit.chi_square - model.train.misfit.chi_square;
-        let harm = (held_out(self) - held_out(without)) / self.scale();
-        earned.evidence > 0.0 && harm < chance
+        (held_out(self) - held_out(without)) / self.scale()
+    }
+
+    /// Are the held-out records predicted otherwise than by another model, by more than a model's own error? If not, they
+    /// can neither speak for it nor against it.
+    fn changes_the_held_out(&self, case: &Case<'_>, without: &Self) -> bool {
+        let [here, there] = [self, without].map(|model| &model.predictions[case.fitted..]);
+        differ(case.holdout(), here, there, &case.model_error)
     }
 
     /// Does it change the prediction of a record by more than the model's own error, or move a fault by more than its

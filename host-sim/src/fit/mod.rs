@@ -373,16 +373,16 @@ fn search<S: Stepper<f64>>(
     let genes = identification.result().map_or(best, |finish| finish.genes);
     let unknown = SMatrix::from_element(f64::NAN);
     let covariance = identification.result().and_then(|finish| finish.normal.covariance()).unwrap_or(unknown);
-    let systematic = systematic::of_genes(problem, &genes, &covariance, steppers);
     let misfit = match identification.result() {
         Some(finish) => finish.normal.misfit,
         None => problem.misfit(&genes, &mut steppers[0]),
     };
     let predictions = engine::trace(problem, &genes, &mut steppers[0]);
-    let inflation = if stop == StopReason::NoiseReached {
-        1.0
+    let (inflation, systematic) = if stop == StopReason::NoiseReached {
+        (1.0, systematic::of_genes(problem, &genes, &covariance, steppers))
     } else {
-        misfit.mean_square().max(1.0) * correlation_time(&residual_series(problem.records, &predictions, 0))
+        let repeats = correlation_time(&residual_series(problem.records, &predictions, 0));
+        (misfit.mean_square().max(1.0) * repeats, [0.0; MAX_FREE])
     };
     let count = problem.free.len();
     let covariance: Vec<Vec<f64>> = (0..count)

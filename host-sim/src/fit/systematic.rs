@@ -14,17 +14,11 @@ use std::iter;
 /// Covariance of the genes of a fit.
 type Covariance = SMatrix<f64, MAX_FREE, MAX_FREE>;
 
-/// Standard error of each value of a fit to records: what white noise, `inflation` times as strong as stated, makes of it,
-/// and what the model's own error can.
-pub fn standard_errors(
-    rig: &Rig,
-    ranges: &[Range],
-    fit: &Polished,
-    inflation: f64,
-    records: &[Prepared],
-) -> Vec<f64> {
+/// Standard error of each value of a fit that leaves noise of records: what white noise makes of it, and what the model's
+/// own error can.
+pub fn standard_errors(rig: &Rig, ranges: &[Range], fit: &Polished, records: &[Prepared]) -> Vec<f64> {
     let systematic = on_records(rig, ranges, records, FIT_TOLERANCE, Systematic { fit });
-    let noise = (0..ranges.len()).map(|index| fit.standard_error(index) * inflation.sqrt());
+    let noise = (0..ranges.len()).map(|index| fit.standard_error(index));
     noise.zip(systematic).map(|(noise, systematic)| noise.hypot(systematic)).collect()
 }
 

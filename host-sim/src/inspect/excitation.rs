@@ -218,7 +218,7 @@ impl Question<'_> {
         let start: Vec<f64> =
             self.ranges.iter().map(|range| self.rig.parameters.get(range.parameter)).collect();
         match fit::foresee(self.rig, self.ranges, &start, &records) {
-            Some(foreseen) => fit::standard_errors(self.rig, self.ranges, &foreseen, 1.0, &records),
+            Some(foreseen) => fit::standard_errors(self.rig, self.ranges, &foreseen, &records),
             None => vec![f64::NAN; self.ranges.len()],
         }
     }

@@ -36,7 +36,7 @@ fn write_the_table() {
 }
 
 #[test]
-#[ignore = "the drawn cases take some twenty minutes"]
+#[ignore = "the drawn cases take some half an hour"]
 fn write_the_drawn_cases() {
     // Numbers of cases, separated by blanks, that are to be shown in place of the document.
     let chosen = std::env::var("BLIND_CASES").unwrap_or_default();
