@@ -14,6 +14,7 @@ use eha_monitor::fit::identify::within_noise;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
 use rayon::prelude::*;
+use std::sync::OnceLock;
 
 /// Fall of chi-square that the linear model must foresee for an effect to be fitted: far below what is accepted.
 const PROMISING: f64 = 4.0;
@@ -50,6 +51,8 @@ pub(super) struct Hypothesis {
     pub(super) predictions: Vec<Vec<Outputs<f64>>>,
     /// Effects that were added.
     pub(super) added: Vec<&'static EffectInfo>,
+    /// What the linear model around it says of every other effect, once it was asked.
+    prospects: OnceLock<Vec<Prospect>>,
 }
 
 impl Hypothesis {
@@ -87,8 +90,19 @@ impl Hypothesis {
                 train = better;
             }
         }
+        Self::of(case, rig, ranges, [train, joint], added)
+    }
+
+    /// A model with its fits of the fitted records and of all.
+    fn of(
+        case: &Case<'_>,
+        rig: Rig,
+        ranges: Vec<Range>,
+        [train, joint]: [Polished; 2],
+        added: Vec<&'static EffectInfo>,
+    ) -> Self {
         let predictions = fit::predict(&joint.applied(&rig, &ranges), case.records);
-        Self { rig, ranges, train, joint, predictions, added }
+        Self { rig, ranges, train, joint, predictions, added, prospects: OnceLock::new() }
     }
 
     /// The same model for the records of another case, of which its own are a part or which are a part of its own.
@@ -172,14 +186,18 @@ impl Hypothesis {
         })
     }
 
-    /// What the linear model says of every effect that is not in the model yet.
-    pub(super) fn look(&self, case: &Case<'_>) -> Vec<Prospect> {
-        let signatures = Signatures::new(&self.rig, &self.ranges, case.train());
-        EFFECTS
-            .par_iter()
-            .filter(|effect| !interrupt::requested() && candidate::applies(effect, &self.rig, &self.ranges))
-            .filter_map(|effect| candidate::look(effect, &self.rig, &self.ranges, case.train(), &signatures))
-            .collect()
+    /// What the linear model says of every effect that is not in the model yet; the fitted records are those that the
+    /// model was made with.
+    fn prospects(&self, case: &Case<'_>) -> &[Prospect] {
+        let applies = |effect: &&'static EffectInfo| {
+            !interrupt::requested() && candidate::applies(effect, &self.rig, &self.ranges)
+        };
+        self.prospects.get().unwrap_or_else(|| {
+            let signatures = Signatures::new(&self.rig, &self.ranges, case.train());
+            let look = |effect| candidate::look(effect, &self.rig, &self.ranges, case.train(), &signatures);
+            let seen = EFFECTS.par_iter().filter(applies).filter_map(look).collect();
+            self.prospects.get_or_init(|| seen)
+        })
     }
 
     /// Are its effects a name for what is there, not just a help for prediction? They leave noise, or take nearly all of
@@ -191,7 +209,7 @@ impl Hypothesis {
 
     /// For each declared fault, the effects whose presence would leave it undetermined.
     pub(super) fn confounded(&self, case: &Case<'_>) -> Vec<Vec<&'static EffectInfo>> {
-        let prospects = self.look(case);
+        let prospects = self.prospects(case);
         let confounded_with = |fault: usize| {
             let mixed_up = |prospect: &&Prospect| self.confuses(case, prospect).nth(fault) == Some(true);
             prospects.iter().filter(mixed_up).map(|prospect| prospect.effect).collect()
@@ -213,11 +231,11 @@ impl Hypothesis {
     fn fit_promising(&self, case: &Case<'_>, wanted: f64, others: &[Vec<f64>]) -> Vec<Candidate> {
         let base = self.train.misfit.chi_square;
         let gain = |prospect: &Prospect| base - prospect.foreseen.misfit.chi_square;
-        let (mut asked, mut promising): (Vec<Prospect>, Vec<Prospect>) = self
-            .look(case)
-            .into_iter()
+        let (mut asked, mut promising): (Vec<&Prospect>, Vec<&Prospect>) = self
+            .prospects(case)
+            .iter()
             .partition(|prospect| self.confuses(case, prospect).any(|mixed| mixed));
-        let wanted = promising.iter().map(gain).fold(wanted, f64::max);
+        let wanted = promising.iter().copied().map(gain).fold(wanted, f64::max);
         let (is_first, is_noise) = (self.added.is_empty(), within_noise(&self.train.misfit));
         let hides = is_noise && !is_first;
         let least = |prospect: &Prospect| {
@@ -279,7 +297,7 @@ impl Hypothesis {
 
     /// The model with a candidate in it.
     fn joined(&self, case: &Case<'_>, candidate: Candidate) -> Self {
-        let added = self.added.iter().copied().chain([candidate.effect]).collect();
+        let added = self.and(candidate.effect);
         Self::validated(case, candidate.applied(&self.rig), candidate.ranges, candidate.fit, added)
     }
 
@@ -304,7 +322,7 @@ impl Hypothesis {
     fn asked_by_all(&self, case: &Case<'_>) -> Vec<Self> {
         let whole = Case { fitted: case.records.len(), ..*case };
         let rig = self.joint.applied(&self.rig, &self.ranges);
-        let of_all = Self { rig, train: self.joint.clone(), ..self.clone() };
+        let of_all = Self { rig, train: self.joint.clone(), prospects: OnceLock::new(), ..self.clone() };
         let scale = self.scale();
         let is_asked_for = |candidate: &Candidate| {
             let gain = (self.joint.misfit.chi_square - candidate.fit.misfit.chi_square) / scale;
@@ -313,11 +331,18 @@ impl Hypothesis {
         let asked: Vec<Candidate> = of_all.promising(&whole).into_iter().filter(is_asked_for).collect();
         asked
             .into_par_iter()
-            .filter_map(|Candidate { effect, ranges, fit }| {
-                let (ranges, fit) = candidate::fitted(&self.rig, ranges, &fit.values, case.train())?;
-                Some(self.joined(case, Candidate { effect, ranges, fit }))
+            .filter_map(|Candidate { effect, ranges, fit: joint }| {
+                let (ranges, fit) = candidate::fitted(&self.rig, ranges, &joint.values, case.train())?;
+                let new = Candidate { effect, ranges, fit };
+                let rig = new.applied(&self.rig);
+                Some(Self::of(case, rig, new.ranges, [new.fit, joint], self.and(effect)))
             })
             .collect()
+    }
+
+    /// Its effects and one more.
+    fn and(&self, effect: &'static EffectInfo) -> Vec<&'static EffectInfo> {
+        self.added.iter().copied().chain([effect]).collect()
     }
 
     /// The same model where the fits of more effects show a better valley of its own.

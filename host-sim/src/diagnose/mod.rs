@@ -187,8 +187,8 @@ impl<'a> Case<'a> {
 
 /// Diagnoses a case. `watch` is told what is being done, and how much of it (0 to 1).
 ///
-/// What a record does not say is what its command does between the samples: straight lines, unless a curve leaves nothing
-/// to explain (see [`crate::rig::CommandPath`]). Where that makes a difference to what is found on one path, and the other
+/// What a record does not say is what its command does between the samples: straight lines, unless a curve explains more
+/// (see [`crate::rig::CommandPath`]). Where that makes a difference to what is found on the likelier path, and the other
 /// may be it as well, that is tried too.
 pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
     watch("fitting the declared faults", 0.0);
@@ -198,15 +198,16 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Di
     };
     let curved = Case { rig: &rig, records: &records, ..*case };
     let on_curve = Declared::of(&curved, settings);
-    if on_curve.root.leaves_noise(&curved) && on_curve.root.is_likelier(&on_lines.root) {
-        return diagnose_from(&curved, on_curve, settings, watch).0;
+    let (mut first, mut second) = ((case, on_lines), (&curved, on_curve));
+    if fit::is_curve(&first.1.root.joint.misfit, &second.1.root.joint.misfit) {
+        std::mem::swap(&mut first, &mut second);
     }
     let at_first = |what: &str, share: f64| watch(what, 0.6 * share);
-    let (mut diagnosis, best) = diagnose_from(case, on_lines, settings, &at_first);
-    let there = best.refitted(&curved);
+    let (mut diagnosis, best) = diagnose_from(first.0, first.1, settings, &at_first);
+    let there = best.refitted(second.0);
     let is_told = best.is_likelier(&there);
     if diagnosis.verdict != Verdict::Unexplained && !is_told {
-        diagnosis.hold(&there.estimates(&curved, None));
+        diagnosis.hold(&there.estimates(second.0, None));
     }
     let is_settled = is_told
         || diagnosis.verdict == Verdict::Adequate
@@ -214,8 +215,9 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Di
     if is_settled || interrupt::requested() {
         return diagnosis;
     }
-    let again = |what: &str, share: f64| watch(&format!("{what}, command on a curve"), 0.6 + 0.4 * share);
-    let (other_diagnosis, other) = diagnose_from(&curved, on_curve, settings, &again);
+    let again =
+        |what: &str, share: f64| watch(&format!("{what}, command on its other path"), 0.6 + 0.4 * share);
+    let (other_diagnosis, other) = diagnose_from(second.0, second.1, settings, &again);
     if other.cost(best.scale()) < best.cost(best.scale()) { other_diagnosis } else { diagnosis }
 }
 

@@ -24,6 +24,7 @@ pub(super) fn search(case: &Case<'_>, root: Hypothesis, settings: &FitSettings, 
     let mut tried = growth.tried;
     watch("testing what was found", 0.9);
     let mut sound = Sound::of(case, &mut tried);
+    sound.find_stand_ins(case);
     for _ in 0..MOST_EFFECTS {
         let scale = sound.best.scale();
         let is_better = |other: &&Hypothesis| other.cost(scale) < sound.best.cost(scale) - TOLD_APART;
@@ -32,7 +33,12 @@ pub(super) fn search(case: &Case<'_>, root: Hypothesis, settings: &FitSettings, 
             break;
         }
         tried.extend(better);
-        sound = Sound::of(case, &mut tried);
+        let next = Sound::of(case, &mut tried);
+        if next.is_as(&sound) {
+            break;
+        }
+        sound = next;
+        sound.find_stand_ins(case);
     }
     sound
 }
@@ -132,10 +138,27 @@ impl Sound {
     fn of(case: &Case<'_>, tried: &mut Vec<Hypothesis>) -> Self {
         let (best, earned) = soundest(case, tried);
         let root = tried.iter().find(|known| known.added.is_empty()).unwrap_or(&best).clone();
+        Self { root, best, earned, stand_ins: Vec::new() }
+    }
+
+    fn find_stand_ins(&mut self, case: &Case<'_>) {
+        let Self { root, best, earned, .. } = &*self;
         let named = best.is_name(case, &root.train.misfit);
         let stand_ins = |earned| if named { best.stand_ins(case, earned) } else { Vec::new() };
-        let stand_ins = earned.iter().map(stand_ins).collect();
-        Self { root, best, earned, stand_ins }
+        self.stand_ins = earned.iter().map(stand_ins).collect();
+    }
+
+    /// Are it and the models that it was weighed against the same as those of another one?
+    fn is_as(&self, other: &Self) -> bool {
+        let fits = |sound: &Self| -> Vec<f64> {
+            let without = sound.earned.iter().map(|earned| &earned.without);
+            [&sound.root, &sound.best]
+                .into_iter()
+                .chain(without)
+                .map(|fit| fit.joint.misfit.chi_square)
+                .collect()
+        };
+        self.best.same_effects(&other.best) && fits(self) == fits(other)
     }
 }
 

@@ -271,17 +271,27 @@ pub fn fit_on_path(
     for fit in [&mut lines, &mut curve] {
         (fit.evaluations, fit.seconds) = (evaluations, seconds);
     }
-    let beyond_noise = |fit: &Fit| fit.misfit.mean_square() - 1.0;
-    let leaves_less =
-        curve.stop == StopReason::NoiseReached || beyond_noise(&curve) < CURVE_SHARE * beyond_noise(&lines);
-    let scale = lines.misfit.mean_square().min(curve.misfit.mean_square()).max(1.0);
-    let gain = (lines.misfit.chi_square - curve.misfit.chi_square) / scale;
-    if !curve.interrupted && leaves_less && gain > TOLD_APART {
+    if !curve.interrupted && is_curve(&lines.misfit, &curve.misfit) {
         return OnPath { rig: curved_rig, records: curved_records, fit: curve, is_open: false };
     }
     lines.interrupted |= curve.interrupted;
-    let is_open = gain.abs() <= TOLD_APART && lines.hold(&curve);
+    let is_open = gain_of(&lines.misfit, &curve.misfit).abs() <= TOLD_APART && lines.hold(&curve);
     OnPath { rig, records, fit: lines, is_open }
+}
+
+/// Do misfits of the same model on two paths speak for the curve? They are told apart, and it leaves noise, or far less
+/// beyond it.
+pub fn is_curve(lines: &Misfit<f64>, curve: &Misfit<f64>) -> bool {
+    let beyond_noise = |misfit: &Misfit<f64>| misfit.mean_square() - 1.0;
+    let leaves_less =
+        identify::within_noise(curve) || beyond_noise(curve) < CURVE_SHARE * beyond_noise(lines);
+    leaves_less && gain_of(lines, curve) > TOLD_APART
+}
+
+/// Fall of chi-square from lines to a curve, in units of the mean square that the better one leaves.
+fn gain_of(lines: &Misfit<f64>, curve: &Misfit<f64>) -> f64 {
+    let scale = lines.mean_square().min(curve.mean_square()).max(1.0);
+    (lines.chi_square - curve.chi_square) / scale
 }
 
 /// The rig and its records with the command on a curve between its samples; none where the rig says another path, or that is
