@@ -1,6 +1,8 @@
 //! `diagnose` on records of the independent plant, each with something that the monitor's model does not declare.
 
-use reference_plant::{Command, DEFAULT_STEP, Plant, Record, Rule, Tone, add_noise, quantise};
+use reference_plant::{
+    Command, DEFAULT_STEP, Plant, Record, Rule, Tone, add_filtered_noise, add_noise, quantise,
+};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -22,10 +24,10 @@ fn faulty() -> Plant {
     plant
 }
 
-/// Saves what the sensors of a plant show.
-fn save(directory: &Path, name: &str, record: Record, seed: u64) -> PathBuf {
+/// Saves what the sensors of a plant show; neighbouring samples of the position share a part of their noise.
+fn save(directory: &Path, name: &str, record: Record, shared: f64, seed: u64) -> PathBuf {
     let Record { command, mut lvdt, mut current, .. } = record;
-    add_noise(&mut lvdt, POSITION_NOISE, seed);
+    add_filtered_noise(&mut lvdt, POSITION_NOISE, shared, seed);
     add_noise(&mut current, CURRENT_NOISE, seed + 100);
     let path = directory.join(name);
     std::fs::write(&path, csv(&[("command_m", &command), ("lvdt_m", &lvdt), ("current_mA", &current)]))
@@ -54,8 +56,13 @@ fn diagnose(plant: &Plant, seed: u64) -> Value {
 }
 
 fn diagnose_flown(fly: impl Fn(&Command) -> Record, seed: u64) -> Value {
+    diagnose_sensed(fly, 0.0, seed)
+}
+
+fn diagnose_sensed(fly: impl Fn(&Command) -> Record, shared: f64, seed: u64) -> Value {
     let directory = tempfile::tempdir().unwrap();
-    let record = |name: &str, command: Command, seed| save(directory.path(), name, fly(&command), seed);
+    let record =
+        |name: &str, command: Command, seed| save(directory.path(), name, fly(&command), shared, seed);
     host_sim("diagnose", |command| {
         command
             .arg(record("chirp.csv", Command::CHIRP, seed))
@@ -175,7 +182,7 @@ fn a_command_that_is_a_curve_is_no_fault() {
     for command in [Command::MixedStep, Command::SINE] {
         let flown = [("curve", fly_curve(&plant, &command)), ("lines", plant.record(&command, SAMPLES))];
         for (seed, (path, flown)) in (41..).zip(flown) {
-            let record = save(directory.path(), "flown.csv", flown, seed);
+            let record = save(directory.path(), "flown.csv", flown, 0.0, seed);
             let result = host_sim("identify", |command| command.arg(record));
             assert_eq!(result["config"]["model"]["command_path"], path, "{result:#}");
             assert!(result["mean_square"].as_f64().unwrap() < 1.2, "{result:#}");
@@ -254,6 +261,26 @@ fn a_held_out_record_that_is_not_explained_asks_for_another_effect() {
         assert!(class(&result).iter().any(|name| name == effect), "{effect}: {:?}", class(&result));
     }
     assert!(result["error"]["holdout"]["after_rms_m"].as_f64().unwrap() < 1.5 * noise, "{result:#}");
+}
+
+#[test]
+fn what_a_sensor_filters_is_noise_and_hides_no_effect() {
+    let clean = faulty();
+    let mut loaded = faulty();
+    loaded.effects.constant_load = 300.0;
+    for (plant, verdict) in [(clean, "adequate"), (loaded, "explained")] {
+        let result = diagnose_sensed(|command| plant.record(command, SAMPLES), 0.6, 1);
+        assert_eq!(result["verdict"], verdict, "{result:#}");
+        let named = class(&result).iter().any(|name| name == "constant-load");
+        assert_eq!(named, verdict == "explained", "{:?}", class(&result));
+        let noise = result["error"]["noise_rms_m"].as_f64().unwrap();
+        assert!((noise / POSITION_NOISE - 1.0).abs() < 0.15, "{noise}");
+        assert!(
+            result["warnings"].to_string().contains("neighbouring samples of lvdt_m share"),
+            "{result:#}"
+        );
+        faults_are_right(&result, 4.0, verdict);
+    }
 }
 
 #[test]

@@ -114,6 +114,8 @@ pub struct Diagnosis {
     pub found: Vec<Found>,
     /// Noise of each measured channel, rms over the fitted records.
     pub noise: [f64; MEASURED],
+    /// What neighbouring samples of each measured channel share of it: 0 where it is white.
+    pub colour: [f64; MEASURED],
     /// Training records, before and after.
     pub train: [Score; 2],
     /// Held-out records, before and after; none where there are none.
@@ -187,10 +189,38 @@ impl<'a> Case<'a> {
 
 /// Diagnoses a case. `watch` is told what is being done, and how much of it (0 to 1).
 ///
+/// Noise is taken for white first. Where something is left, its spectrum where no actuator follows tells whether the noise
+/// of a channel is coloured; if that is all that was wrong, it is the answer.
+pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
+    let at_first = |what: &str, share: f64| watch(what, 0.9 * share);
+    let diagnosis = diagnose_in_noise(case, settings, &at_first);
+    if diagnosis.verdict != Verdict::Unexplained || interrupt::requested() {
+        return diagnosis;
+    }
+    let colour: [f64; MEASURED] = std::array::from_fn(|channel| {
+        fit::colour_of(&residual::series(case.train(), &diagnosis.predictions, channel))
+    });
+    if colour == [0.0; MEASURED] {
+        return diagnosis;
+    }
+    let is_known = case.known_noise.map(|noise| noise.is_some());
+    let records: Vec<Prepared> =
+        case.records.iter().map(|record| record.coloured(colour, is_known)).collect();
+    let known_noise = std::array::from_fn(|channel| {
+        case.known_noise[channel].map(|noise| noise * fit::as_white(colour[channel]))
+    });
+    let coloured = Case { records: &records, known_noise, ..*case };
+    let again = |what: &str, share: f64| watch(&format!("{what}, coloured noise"), 0.9 + 0.1 * share);
+    let other = diagnose_in_noise(&coloured, settings, &again);
+    if other.verdict == Verdict::Unexplained { diagnosis } else { other }
+}
+
+/// Diagnoses a case whose noise is as it says.
+///
 /// What a record does not say is what its command does between the samples: straight lines, unless a curve explains more
 /// (see [`crate::rig::CommandPath`]). Where that makes a difference to what is found on the likelier path, and the other
 /// may be it as well, that is tried too.
-pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
+fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
     watch("fitting the declared faults", 0.0);
     let on_lines = Declared::of(case, settings);
     let Some((rig, records)) = fit::curved(case.rig, case.records) else {
@@ -366,7 +396,8 @@ fn conclude(case: &Case<'_>, before: Fit, best: &Hypothesis, earned: &[Earned], 
         faults,
         free: estimates[case.rig.faults.len()..before.estimates.len()].to_vec(),
         found,
-        noise: fit::pooled(case.train().iter().map(|record| record.noise)),
+        noise: fit::pooled(case.train().iter().map(Prepared::noise_rms)),
+        colour: case.train()[0].colour,
         train: scores(case.train()),
         holdout: (!case.holdout().is_empty()).then(|| scores(case.holdout())),
         residuals: residual::of_channels(case.train(), &predictions),

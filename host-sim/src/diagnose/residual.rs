@@ -34,29 +34,42 @@ pub fn series(records: &[Prepared], predictions: &[Vec<Outputs<f64>>], channel: 
     fit::residual_series(&records, predictions, channel)
 }
 
+/// The same with the colour of the noise taken out: white where noise is all there is, and the residual itself where that
+/// changes slowly.
+fn whitened(records: &[Prepared], predictions: &[Vec<Outputs<f64>>], channel: usize) -> Vec<Vec<f64>> {
+    let mut all = series(records, predictions, channel);
+    for (series, record) in all.iter_mut().zip(records).filter(|(_, record)| record.colour[channel] > 0.0) {
+        let (colour, mut before) = (record.colour[channel], f64::NAN);
+        for value in series {
+            before = std::mem::replace(value, (*value - colour * before) / (1.0 - colour));
+        }
+    }
+    all
+}
+
 /// Residuals of all channels and records, one after the other, in units of their noise; 0 where nothing is compared.
 pub fn in_noise(records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> DVector<f64> {
     let mut all = Vec::new();
     for (record, outputs) in records.iter().zip(predictions) {
         for (channel, noise) in record.noise.into_iter().enumerate().filter(|(_, noise)| noise.is_finite()) {
-            let series = series(slice::from_ref(record), slice::from_ref(outputs), channel).concat();
+            let series = whitened(slice::from_ref(record), slice::from_ref(outputs), channel).concat();
             all.extend(series.iter().map(|value| if value.is_finite() { value / noise } else { 0.0 }));
         }
     }
     all.into()
 }
 
-/// Residual of each measured channel.
+/// Residual of each measured channel, the colour of its noise taken out.
 pub fn of_channels(
     records: &[Prepared],
     predictions: &[Vec<Outputs<f64>>],
 ) -> [Option<ChannelResidual>; MEASURED] {
-    std::array::from_fn(|channel| test(&series(records, predictions, channel)))
+    std::array::from_fn(|channel| test(&whitened(records, predictions, channel)))
 }
 
 /// How many samples of what a model leaves say the same thing: the longest correlation time of a channel, in samples.
 pub fn correlation_time(records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> f64 {
-    let time = |channel| fit::correlation_time(&series(records, predictions, channel));
+    let time = |channel| fit::correlation_time(&whitened(records, predictions, channel));
     (0..MEASURED).map(time).fold(1.0, f64::max)
 }
 
@@ -69,8 +82,8 @@ pub fn gains(records: &[Prepared], before: &[Vec<Outputs<f64>>], after: &[Vec<Ou
         let one = &records[index..=index];
         let mut blocks = vec![0.0; one[0].len().div_ceil(length)];
         for (channel, noise) in one[0].noise.into_iter().enumerate() {
-            let before = series(one, &before[index..=index], channel).concat();
-            let after = series(one, &after[index..=index], channel).concat();
+            let before = whitened(one, &before[index..=index], channel).concat();
+            let after = whitened(one, &after[index..=index], channel).concat();
             for (sample, (before, after)) in before.iter().zip(&after).enumerate() {
                 let gain = (before * before - after * after) / (noise * noise);
                 if gain.is_finite() {

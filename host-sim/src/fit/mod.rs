@@ -1,6 +1,7 @@
 //! From records and a rig to fitted parameters: the bridge to the core's search.
 
 mod closed_loop;
+mod colour;
 pub mod engine;
 mod noise;
 mod polish;
@@ -8,6 +9,7 @@ mod prepare;
 mod systematic;
 
 pub use closed_loop::{LoopScore, loop_score};
+pub use colour::{as_white, colour_of};
 pub use noise::{
     MODEL_ERROR, NoiseSource, SMALLEST_NOISE, correlation_time, differences, noise_of, noise_source, pooled,
     quantum, residual_series, rms,

@@ -1,5 +1,6 @@
 //! A record made ready for the core: inputs joined, start state found, settling marked.
 
+use super::colour::{as_white, in_differences};
 use super::noise::{command_step, correlation_time, differences, noise_of, rms};
 use crate::record::Record;
 use crate::rig::{Knots, Rig};
@@ -39,8 +40,11 @@ pub struct Prepared {
     arriving: Vec<f64>,
     force: Vec<f64>,
     measured: [Vec<f64>; MEASURED],
-    /// Standard deviation of the noise of each measured channel, in its unit; infinite where it is absent or not used.
+    /// Standard deviation of the noise of each measured channel, in its unit, or of the white noise that weighs as much
+    /// where it is coloured; infinite where it is absent or not used.
     pub noise: [f64; MEASURED],
+    /// What neighbouring samples of each measured channel share of their noise, from 0 (white) to below 1.
+    pub colour: [f64; MEASURED],
     starts: Vec<Start<f64>>,
     stretch: usize,
     settle: usize,
@@ -107,6 +111,7 @@ impl Prepared {
             law: self.law,
             holds: self.holds,
             noise: self.noise,
+            colour: self.colour,
             starts: at.iter().map(start).collect(),
             stretch,
             settle,
@@ -148,6 +153,22 @@ impl Prepared {
             self.noise[channel] = self.noise[channel].hypot(lost * repeats.sqrt());
         }
         self
+    }
+
+    /// The same record, whose noise was taken for white, with noise of a colour. Where it is not known but was estimated, the
+    /// estimate saw a part of it only.
+    #[must_use]
+    pub fn coloured(&self, colour: [f64; MEASURED], is_known: [bool; MEASURED]) -> Self {
+        let noise = std::array::from_fn(|channel| {
+            let seen = if is_known[channel] { 1.0 } else { in_differences(colour[channel]) };
+            self.noise[channel] / seen * as_white(colour[channel])
+        });
+        Self { noise, colour, ..self.clone() }
+    }
+
+    /// Standard deviation of the noise of each measured channel, of all of it, in its unit.
+    pub fn noise_rms(&self) -> [f64; MEASURED] {
+        std::array::from_fn(|channel| self.noise[channel] / as_white(self.colour[channel]))
     }
 
     /// The same record with its command moved by as much as it may have lost to a step, and as fast as it crosses steps: up
@@ -286,6 +307,7 @@ pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepa
         force,
         measured,
         noise,
+        colour: [0.0; MEASURED],
         starts,
         stretch,
         settle,

@@ -179,7 +179,7 @@ impl Job<'_> {
                 "tone": left.tone.map(|(frequency, share)| json!({ "frequency_Hz": frequency, "share": share })),
             })),
             "next_experiment": next_experiment(self, diagnosis),
-            "warnings": warnings(diagnosis),
+            "warnings": warnings(diagnosis, self.train[0].sample_period_s()),
             "seconds": seconds,
             "seed": self.common.seed,
             "config": output::config_json(self.common, &self.rig, &self.rig.declared(), &self.names),
@@ -318,7 +318,7 @@ impl Job<'_> {
             }
             let _ = writeln!(text);
         }
-        for warning in warnings(diagnosis) {
+        for warning in warnings(diagnosis, self.train[0].sample_period_s()) {
             let _ = writeln!(text, "note: {warning}");
         }
         if let Some(next) = result["next_experiment"].as_str().filter(|next| !next.is_empty()) {
@@ -356,7 +356,7 @@ fn tables(diagnosis: &Diagnosis) -> impl Iterator<Item = Table> {
     [faults, free].into_iter().filter(|table| !table.is_empty())
 }
 
-fn warnings(diagnosis: &Diagnosis) -> Vec<String> {
+fn warnings(diagnosis: &Diagnosis, sample_period: f64) -> Vec<String> {
     let mut warnings = Vec::new();
     if interrupt::requested() {
         warnings.push("interrupted: effects that were not tried yet are not ruled out".to_owned());
@@ -365,6 +365,16 @@ fn warnings(diagnosis: &Diagnosis) -> Vec<String> {
         warnings.push("no held-out record: what was found is not validated".to_owned());
     }
     warnings.extend(output::command_note(&diagnosis.rig));
+    for (channel, colour) in
+        Channel::MEASURED.into_iter().zip(diagnosis.colour).filter(|(_, colour)| *colour > 0.0)
+    {
+        warnings.push(format!(
+            "neighbouring samples of {} share {:.0} % of their noise, as behind a filter of {}",
+            channel.info().column,
+            100.0 * colour,
+            output::quantity(-sample_period / colour.ln(), "s"),
+        ));
+    }
     for fault in &diagnosis.faults {
         let names: Vec<&str> = fault.confounded_with.iter().map(|effect| effect.name).collect();
         if !names.is_empty() {

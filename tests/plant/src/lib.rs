@@ -15,7 +15,7 @@ mod simulate;
 pub use command::Command;
 pub use parameters::{Effects, Feedback, Gust, Mount, Parameters, Tone, Valve};
 pub use physics::{blended_pressure, play};
-pub use record::{Gauss, Record, add_noise, quantise, rms_difference};
+pub use record::{Gauss, Record, add_filtered_noise, add_noise, quantise, rms_difference};
 pub use simulate::{DEFAULT_STEP, Rule, SAMPLE_PERIOD};
 
 /// An actuator: the source's parameters, and the effects that its model leaves out.

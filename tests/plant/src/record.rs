@@ -43,6 +43,17 @@ pub fn add_noise(channel: &mut [f64], rms: f64, seed: u64) {
     }
 }
 
+/// Adds Gaussian noise behind a filter of first order that starts empty: what neighbouring samples share of it is given, from
+/// 0 (white) to below 1.
+pub fn add_filtered_noise(channel: &mut [f64], rms: f64, shared: f64, seed: u64) {
+    let mut gauss = Gauss::new(seed);
+    let mut filtered = 0.0;
+    for x in channel {
+        filtered = shared * filtered + (1.0 - shared * shared).sqrt() * gauss.draw();
+        *x += rms * filtered;
+    }
+}
+
 /// Rounds a channel to multiples of a unit.
 pub fn quantise(channel: &mut [f64], unit: f64) {
     for x in channel {
