@@ -2,14 +2,18 @@
 //!
 //! Behind a filter of first order with time constant `tau`, white noise that is sampled every `T` is
 //! `x[k] = c x[k-1] + w[k]` with `c = exp(-T/tau)`. Its spectrum says so at frequencies that no actuator follows, whatever
-//! a model may lack at lower ones.
+//! a model may lack at lower ones: it has that shape at all times. What a model lacks comes and goes with the motion.
 
 use realfft::RealFftPlanner;
 use std::f64::consts::TAU;
 
-/// Lowest frequency that is looked at, as a part of the sampling rate.
-const LOWEST: f64 = 1.0 / 16.0;
-/// Standard deviations by which noise must differ from white noise.
+/// Samples of a piece of a series whose spectrum is taken.
+const PIECE: usize = 256;
+/// Lowest of its frequencies that is looked at: a sixteenth of the sampling rate.
+const LOWEST: usize = PIECE / 16;
+/// Neighbouring frequencies that are taken together where the shape of the spectrum is tested.
+const BAND: usize = 14;
+/// Standard deviations by which noise must differ from white noise, and may differ from coloured noise.
 const SIGNIFICANT: f64 = 5.0;
 /// How many neighbouring lines of a spectrum say the same thing under a Hann window.
 const ALIKE: f64 = 1.94;
@@ -18,53 +22,68 @@ const STEPS: u32 = 190;
 const LONGEST: f64 = 0.95;
 
 /// What neighbouring samples of residual series (one for each record; NaN where nothing is compared) share of their
-/// noise, from 0 to 0.95: the most likely one by their spectrum (Whittle 1953); 0 where white noise may be it.
+/// noise, from 0 to 0.95: the most likely one by their spectrum (Whittle 1953). 0 where white noise may be it, or where
+/// coloured noise is not: at some times or frequencies there is more than at others.
 pub fn colour_of(all: &[Vec<f64>]) -> f64 {
-    let lines: Vec<[f64; 2]> = all.iter().flat_map(|one| spectrum(one)).collect();
-    if lines.is_empty() {
-        return 0.0;
-    }
-    let count = lines.len() as f64;
+    // Pieces that overlap by half say almost nothing twice under a Hann window.
+    let pieces: Vec<Vec<f64>> =
+        all.iter().flat_map(|one| one.windows(PIECE).step_by(PIECE / 2)).map(spectrum).collect();
+    let count = pieces.iter().map(Vec::len).sum::<usize>() as f64;
     let unlikelihood = |colour: f64| {
         let (mut power, mut logarithms) = (0.0, 0.0);
-        for [cosine, line] in &lines {
-            let whitening = 1.0 + colour * (colour - 2.0 * cosine);
-            power += whitening * line;
-            logarithms += whitening.ln();
+        for (index, line) in pieces.iter().flat_map(|piece| piece.iter().enumerate()) {
+            power += whitening(index, colour) * line;
+            logarithms += whitening(index, colour).ln();
         }
         2.0 * (count * (power / count).ln() - logarithms)
     };
-    let tried = (0..=STEPS).map(|step| {
-        let colour = LONGEST * f64::from(step) / f64::from(STEPS);
-        (colour, unlikelihood(colour))
-    });
+    let colour = |step: u32| LONGEST * f64::from(step) / f64::from(STEPS);
+    let tried = (0..=STEPS).map(|step| (colour(step), unlikelihood(colour(step))));
     let Some((colour, best)) = tried.min_by(|a, b| a.1.total_cmp(&b.1)) else { return 0.0 };
-    if (unlikelihood(0.0) - best) / ALIKE > SIGNIFICANT * SIGNIFICANT { colour } else { 0.0 }
+    let is_coloured = (unlikelihood(0.0) - best) / ALIKE > SIGNIFICANT * SIGNIFICANT;
+    if is_coloured && is_stationary(&pieces, colour) { colour } else { 0.0 }
 }
 
-/// The lines of a series' periodogram that no actuator follows: cosine of the angle in a sample, power.
-fn spectrum(series: &[f64]) -> Vec<[f64; 2]> {
-    let count = series.len();
-    let mut input: Vec<f64> = series
+/// Are the lines of pieces of noise, the colour taken out, as strong in each piece and in each band as in all?
+fn is_stationary(pieces: &[Vec<f64>], colour: f64) -> bool {
+    let white: Vec<Vec<f64>> = pieces
+        .iter()
+        .map(|piece| piece.iter().enumerate().map(|(index, line)| whitening(index, colour) * line).collect())
+        .collect();
+    let mean = |lines: &[f64]| lines.iter().sum::<f64>() / lines.len() as f64;
+    let expected = mean(&white.concat());
+    let is_as_all = |lines: &[f64]| {
+        (mean(lines) / expected - 1.0).abs() < SIGNIFICANT * (ALIKE / lines.len() as f64).sqrt()
+    };
+    let lines = white.first().map_or(0, Vec::len);
+    let band = |from: usize| -> Vec<f64> {
+        white.iter().flat_map(|piece| &piece[from..(from + BAND).min(lines)]).copied().collect()
+    };
+    white.iter().all(|piece| is_as_all(piece)) && (0..lines).step_by(BAND).all(|from| is_as_all(&band(from)))
+}
+
+/// Power of the white noise behind a line of a colour, as a part of the line's.
+fn whitening(index: usize, colour: f64) -> f64 {
+    let angle = TAU * (LOWEST + index) as f64 / PIECE as f64;
+    1.0 + colour * (colour - 2.0 * angle.cos())
+}
+
+/// The lines of a piece's periodogram that no actuator follows.
+fn spectrum(piece: &[f64]) -> Vec<f64> {
+    let mut input: Vec<f64> = piece
         .iter()
         .enumerate()
         .map(|(k, value)| {
-            let window = 0.5 - 0.5 * (TAU * (k as f64 + 0.5) / count as f64).cos();
+            let window = 0.5 - 0.5 * (TAU * (k as f64 + 0.5) / PIECE as f64).cos();
             if value.is_finite() { value * window } else { 0.0 }
         })
         .collect();
-    let transform = RealFftPlanner::<f64>::new().plan_fft_forward(count);
+    let transform = RealFftPlanner::<f64>::new().plan_fft_forward(PIECE);
     let mut output = transform.make_output_vec();
     if transform.process(&mut input, &mut output).is_err() {
         return Vec::new();
     }
-    let lowest = (LOWEST * count as f64).ceil() as usize;
-    let line = |(index, value): (usize, &realfft::num_complex::Complex<f64>)| {
-        [(TAU * index as f64 / count as f64).cos(), value.norm_sqr()]
-    };
-    let lines: Vec<[f64; 2]> =
-        output.iter().enumerate().take(count / 2).skip(lowest.max(1)).map(line).collect();
-    if lines.iter().all(|[_, power]| *power == 0.0) { Vec::new() } else { lines }
+    output[LOWEST..PIECE / 2].iter().map(realfft::num_complex::Complex::norm_sqr).collect()
 }
 
 /// How much stronger white noise is that weighs as much on what changes slowly as noise of a colour does.
@@ -106,7 +125,20 @@ mod tests {
         for seed in 0..50 {
             assert_eq!(colour_of(&[noisy(1500, seed, 0.0, 20.0)]), 0.0);
         }
-        assert_eq!(colour_of(&[vec![f64::NAN; 100], Vec::new()]), 0.0);
+        assert_eq!(colour_of(&[vec![f64::NAN; 1000], Vec::new()]), 0.0);
+    }
+
+    #[test]
+    fn what_comes_and_goes_or_has_a_tone_is_no_coloured_noise() {
+        for seed in 0..10 {
+            let noise = noisy(3000, seed, 0.6, 0.0);
+            let found = colour_of(std::slice::from_ref(&noise));
+            assert!((found - 0.6).abs() < 0.15, "{seed}: {found}");
+            let louder = |(k, x): (usize, &f64)| x * if k > 1500 { 2.0 } else { 1.0 };
+            assert_eq!(colour_of(&[noise.iter().enumerate().map(louder).collect()]), 0.0);
+            let humming = |(k, x): (usize, &f64)| x + (0.6 * k as f64).sin();
+            assert_eq!(colour_of(&[noise.iter().enumerate().map(humming).collect()]), 0.0);
+        }
     }
 
     #[test]
