@@ -228,16 +228,15 @@ fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) 
     };
     let curved = Case { rig: &rig, records: &records, ..*case };
     let on_curve = Declared::of(&curved, settings);
-    let (mut first, mut second) = ((case, on_lines), (&curved, on_curve));
-    if fit::is_curve(&first.1.root.joint.misfit, &second.1.root.joint.misfit) {
-        std::mem::swap(&mut first, &mut second);
-    }
+    let is_curve = fit::is_curve(&on_lines.root.joint.misfit, &on_curve.root.joint.misfit);
+    let (lines, curve) = ((case, on_lines), (&curved, on_curve));
+    let ((here, declared), (there, declared_there)) = if is_curve { (curve, lines) } else { (lines, curve) };
     let at_first = |what: &str, share: f64| watch(what, 0.6 * share);
-    let (mut diagnosis, best) = diagnose_from(first.0, first.1, settings, &at_first);
-    let there = best.refitted(second.0);
-    let is_told = best.is_likelier(&there);
+    let (mut diagnosis, best) = diagnose_from(here, declared, settings, &at_first);
+    let moved = best.refitted(there);
+    let is_told = best.is_likelier(&moved);
     if diagnosis.verdict != Verdict::Unexplained && !is_told {
-        diagnosis.hold(&there.estimates(second.0, None));
+        diagnosis.hold(&moved.estimates(there, None));
     }
     let is_settled = is_told
         || diagnosis.verdict == Verdict::Adequate
@@ -247,7 +246,7 @@ fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) 
     }
     let again =
         |what: &str, share: f64| watch(&format!("{what}, command on its other path"), 0.6 + 0.4 * share);
-    let (other_diagnosis, other) = diagnose_from(second.0, second.1, settings, &again);
+    let (other_diagnosis, other) = diagnose_from(there, declared_there, settings, &again);
     if other.cost(best.scale()) < best.cost(best.scale()) { other_diagnosis } else { diagnosis }
 }
 

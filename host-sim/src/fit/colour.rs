@@ -4,7 +4,7 @@
 //! `x[k] = c x[k-1] + w[k]` with `c = exp(-T/tau)`. Its spectrum says so at frequencies that no actuator follows, whatever
 //! a model may lack at lower ones: it has that shape at all times. What a model lacks comes and goes with the motion.
 
-use realfft::RealFftPlanner;
+use super::periodogram::periodograms;
 use std::f64::consts::TAU;
 
 /// Samples of a piece of a series whose spectrum is taken.
@@ -27,7 +27,7 @@ const LONGEST: f64 = 0.95;
 pub fn colour_of(all: &[Vec<f64>]) -> f64 {
     // Pieces that overlap by half say almost nothing twice under a Hann window.
     let pieces: Vec<Vec<f64>> =
-        all.iter().flat_map(|one| one.windows(PIECE).step_by(PIECE / 2)).map(spectrum).collect();
+        periodograms(all, PIECE).iter().map(|lines| lines[LOWEST..PIECE / 2].to_vec()).collect();
     let count = pieces.iter().map(Vec::len).sum::<usize>() as f64;
     let unlikelihood = |colour: f64| {
         let (mut power, mut logarithms) = (0.0, 0.0);
@@ -66,24 +66,6 @@ fn is_stationary(pieces: &[Vec<f64>], colour: f64) -> bool {
 fn whitening(index: usize, colour: f64) -> f64 {
     let angle = TAU * (LOWEST + index) as f64 / PIECE as f64;
     1.0 + colour * (colour - 2.0 * angle.cos())
-}
-
-/// The lines of a piece's periodogram that no actuator follows.
-fn spectrum(piece: &[f64]) -> Vec<f64> {
-    let mut input: Vec<f64> = piece
-        .iter()
-        .enumerate()
-        .map(|(k, value)| {
-            let window = 0.5 - 0.5 * (TAU * (k as f64 + 0.5) / PIECE as f64).cos();
-            if value.is_finite() { value * window } else { 0.0 }
-        })
-        .collect();
-    let transform = RealFftPlanner::<f64>::new().plan_fft_forward(PIECE);
-    let mut output = transform.make_output_vec();
-    if transform.process(&mut input, &mut output).is_err() {
-        return Vec::new();
-    }
-    output[LOWEST..PIECE / 2].iter().map(realfft::num_complex::Complex::norm_sqr).collect()
 }
 
 /// How much stronger white noise is that weighs as much on what changes slowly as noise of a colour does.

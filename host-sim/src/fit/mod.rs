@@ -4,6 +4,7 @@ mod closed_loop;
 mod colour;
 pub mod engine;
 mod noise;
+mod periodogram;
 mod polish;
 mod prepare;
 mod systematic;
@@ -14,6 +15,7 @@ pub use noise::{
     MODEL_ERROR, NoiseSource, SMALLEST_NOISE, correlation_time, differences, noise_of, noise_source, pooled,
     quantum, residual_series, rms,
 };
+pub use periodogram::periodograms;
 pub use polish::{Polished, approach, foresee, misfit, misfit_within, polish};
 pub use prepare::{Prepared, prepare, prepare_with};
 pub use systematic::standard_errors;

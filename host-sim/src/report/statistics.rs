@@ -2,7 +2,7 @@
 //!
 //! Series are given one for each record; NaN is a sample that is not compared.
 
-use realfft::RealFftPlanner;
+use crate::fit;
 
 /// A spectrum and what white noise of the same power would show.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,39 +26,13 @@ pub(super) fn spectrum(all: &[Vec<f64>], sample_period: f64, noise: f64) -> Opti
     if length < 16 {
         return None;
     }
-    let window: Vec<f64> = (0..length)
-        .map(|k| 0.5 - 0.5 * (std::f64::consts::TAU * (k as f64 + 0.5) / length as f64).cos())
-        .collect();
-    let weight: f64 = window.iter().map(|w| w * w).sum();
-    let transform = RealFftPlanner::<f64>::new().plan_fft_forward(length);
-    let mut power = vec![0.0; length / 2 + 1];
-    let mut segments = 0;
-    for one in all {
-        let present = one.iter().filter(|value| value.is_finite());
-        let mean = present.clone().sum::<f64>() / present.count().max(1) as f64;
-        for segment in one.windows(length).step_by(length / 2) {
-            let mut input: Vec<f64> = segment
-                .iter()
-                .zip(&window)
-                .map(|(value, w)| if value.is_finite() { (value - mean) * w } else { 0.0 })
-                .collect();
-            let mut output = transform.make_output_vec();
-            transform.process(&mut input, &mut output).ok()?;
-            for (sum, bin) in power.iter_mut().zip(&output) {
-                *sum += bin.norm_sqr();
-            }
-            segments += 1;
-        }
-    }
-    let scale = 2.0 * sample_period / weight / f64::from(segments.max(1));
-    let points = power
-        .iter()
-        .enumerate()
-        .skip(1)
-        .map(|(bin, sum)| [bin as f64 / (length as f64 * sample_period), (sum * scale).sqrt()])
-        .collect();
+    let pieces = fit::periodograms(all, length);
+    let count = pieces.len().max(1) as f64;
+    let scale = 2.0 * sample_period / count;
+    let density = |bin: usize| (pieces.iter().map(|piece| piece[bin]).sum::<f64>() * scale).sqrt();
+    let points =
+        (1..=length / 2).map(|bin| [bin as f64 / (length as f64 * sample_period), density(bin)]).collect();
     // Half overlapped Hann segments count as 18 K^2/(19 K - 1) independent ones (Welch 1967), two degrees each.
-    let count = f64::from(segments);
     let freedom = 2.0 * 18.0 * count * count / (19.0 * count - 1.0);
     let level = 2.0 * noise * noise * sample_period;
     Some(Spectrum {

@@ -318,7 +318,7 @@ impl Job<'_> {
             }
             let _ = writeln!(text);
         }
-        for warning in warnings(diagnosis, self.train[0].sample_period_s()) {
+        for warning in result["warnings"].as_array().into_iter().flatten().filter_map(Value::as_str) {
             let _ = writeln!(text, "note: {warning}");
         }
         if let Some(next) = result["next_experiment"].as_str().filter(|next| !next.is_empty()) {

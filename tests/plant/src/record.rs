@@ -37,10 +37,7 @@ impl Record {
 
 /// Adds white Gaussian noise to a channel.
 pub fn add_noise(channel: &mut [f64], rms: f64, seed: u64) {
-    let mut gauss = Gauss::new(seed);
-    for x in channel {
-        *x += rms * gauss.draw();
-    }
+    add_filtered_noise(channel, rms, 0.0, seed);
 }
 
 /// Adds Gaussian noise behind a filter of first order that starts empty: what neighbouring samples share of it is given, from

@@ -1,0 +1,31 @@
+//! Power over frequency of pieces of a series.
+
+use realfft::RealFftPlanner;
+use std::f64::consts::TAU;
+
+/// Periodograms of the pieces of series (one for each record; NaN is a sample that is not compared), `length` samples each,
+/// from 0 Hz to half the sampling rate: mean of the series removed, Hann window, half overlap (Welch 1967). Each line of
+/// white noise is its variance on average.
+pub fn periodograms(all: &[Vec<f64>], length: usize) -> Vec<Vec<f64>> {
+    let window: Vec<f64> =
+        (0..length).map(|k| 0.5 - 0.5 * (TAU * (k as f64 + 0.5) / length as f64).cos()).collect();
+    let weight: f64 = window.iter().map(|w| w * w).sum();
+    let transform = RealFftPlanner::<f64>::new().plan_fft_forward(length);
+    let mut pieces = Vec::new();
+    for one in all {
+        let present = one.iter().filter(|value| value.is_finite());
+        let mean = present.clone().sum::<f64>() / present.count().max(1) as f64;
+        for piece in one.windows(length).step_by(length / 2) {
+            let mut input: Vec<f64> = piece
+                .iter()
+                .zip(&window)
+                .map(|(value, w)| if value.is_finite() { (value - mean) * w } else { 0.0 })
+                .collect();
+            let mut output = transform.make_output_vec();
+            if transform.process(&mut input, &mut output).is_ok() {
+                pieces.push(output.iter().map(|line| line.norm_sqr() / weight).collect());
+            }
+        }
+    }
+    pieces
+}
