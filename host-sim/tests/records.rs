@@ -152,8 +152,8 @@ fn a_header_must_name_each_required_column_once() {
          did you mean `command_m`? map it with `command_m=command`"
     );
     assert_eq!(
-        renamed("t_s,lvdt_m,lvdt_m"),
-        "run.csv:1: column `lvdt_m` (3): found the name a second time (first in column 2), expected it once"
+        renamed("t_s,command_m,lvdt_m,lvdt_m"),
+        "run.csv:1: column `lvdt_m` (4): found the name a second time (first in column 3), expected it once"
     );
     assert_eq!(
         message(&format!("# {}", text())),
@@ -238,13 +238,13 @@ fn missing_samples_are_kept_and_reported() {
 fn unknown_columns_are_a_warning() {
     let mut more = String::new();
     for (row, line) in text().lines().enumerate() {
-        let _ = writeln!(more, "{line}{}", if row == 0 { ",ram_mm,note," } else { ",1.5,text," });
+        let _ = writeln!(more, "{line}{}", if row == 0 { ",ram_mm,note,note" } else { ",1.5,text,2" });
     }
     let warnings = parse(&more).expect("valid").warnings;
     assert_eq!(
         warnings,
         [
-            "run.csv: columns not used: `ram_mm` (did you mean `ram_m`? map it with `ram_m=ram_mm[mm]`), `note`"
+            "run.csv: columns not used: `ram_mm` (did you mean `ram_m`? map it with `ram_m=ram_mm[mm]`), `note`, `note`"
         ]
     );
 }

@@ -37,7 +37,7 @@ pub fn noise_of(rig: &Rig, record: &Recorded) -> [f64; MEASURED] {
     std::array::from_fn(|index| {
         let channel = Channel::MEASURED[index];
         record.channel(channel).map_or(f64::INFINITY, |values| {
-            rig.noise_of(channel).unwrap_or_else(|| of_series(values).max(SMALLEST_NOISE[index]))
+            rig.noise_of(channel).unwrap_or_else(|| noise_of_series(values).max(SMALLEST_NOISE[index]))
         })
     })
 }
@@ -81,7 +81,7 @@ pub fn pooled(records: impl Iterator<Item = [f64; MEASURED]>) -> [f64; MEASURED]
 /// Fourth differences take out what is smooth over five samples; their spread over that of white noise is
 /// `sqrt(1 + 16 + 36 + 16 + 1)`. The median absolute value ignores steps and reversals. A quantised series at rest has
 /// mostly zero differences: the noise is then not below that of the quantum, `q/sqrt(12)`.
-fn of_series(values: &[f64]) -> f64 {
+pub fn noise_of_series(values: &[f64]) -> f64 {
     let quantum = quantum(values);
     spread(values, quantum).max(quantum / 12.0_f64.sqrt())
 }
@@ -222,7 +222,7 @@ mod tests {
     #[test]
     fn noise_of_a_moving_signal_is_found_to_five_percent() {
         let values = noisy(5000, 5e-6, |t| 4e-3 * (31.4 * t).sin());
-        assert!((of_series(&values) / 5e-6 - 1.0).abs() < 0.05);
+        assert!((noise_of_series(&values) / 5e-6 - 1.0).abs() < 0.05);
     }
 
     #[test]
@@ -232,7 +232,7 @@ mod tests {
         for quantum in [1e-6, 2e-6, 3.3e-6, 5e-6, 7.7e-6, 1e-5, 1.3e-5] {
             let values: Vec<f64> = fine.iter().map(|x| (x / quantum).round() * quantum).collect();
             let truth = (5e-6_f64.powi(2) + quantum.powi(2) / 12.0).sqrt();
-            for (worst, found) in worst.iter_mut().zip([of_series(&values), spread(&values, 0.0)]) {
+            for (worst, found) in worst.iter_mut().zip([noise_of_series(&values), spread(&values, 0.0)]) {
                 *worst = worst.max((found / truth - 1.0).abs());
             }
         }
@@ -244,7 +244,7 @@ mod tests {
     fn a_quantised_series_at_rest_shows_the_noise_of_its_quantum() {
         let values: Vec<f64> =
             noisy(5000, 1e-9, |t| 1e-3 * t).iter().map(|x| (x / 1e-6).round() * 1e-6).collect();
-        let noise = of_series(&values);
+        let noise = noise_of_series(&values);
         assert!(noise > 0.28e-6 && noise < 0.5e-6, "{noise}");
         assert_eq!(quantum(&noisy(500, 5e-6, |_| 0.0)), 0.0);
     }

@@ -1,6 +1,7 @@
 //! What a record is worth, before any fit: its sampling, its channels, its motion, and what it can tell of the faults.
 
 pub mod excitation;
+pub mod screen;
 
 use crate::fit;
 use crate::output::counted;
@@ -8,6 +9,7 @@ use crate::record::Record;
 use crate::rig::{Range, Rig};
 use eha_monitor::channel::{Channel, ChannelRole};
 use excitation::{Promise, Question, Trial};
+use screen::{Defects, Screened, screen};
 
 /// A record, and everything that is said of it.
 #[derive(Clone, Debug)]
@@ -30,17 +32,18 @@ const WORTH_FLYING: f64 = 1.2;
 impl Inspection {
     /// Looks at a record; `ranges` are the parameters that somebody wants to know.
     pub fn new(rig: &Rig, ranges: &[Range], record: Record) -> Self {
-        let noise = fit::noise_of(rig, &record);
+        let Screened { record: usable, defects, .. } = screen(rig, &record);
+        let noise = fit::noise_of(rig, &usable);
         let question = Question { rig, ranges, noise };
-        let promises = question.of_record(&record);
-        let trials = question.of_commands(&record);
+        let promises = question.of_record(&usable);
+        let trials = question.of_commands(&usable);
         let own = promises.iter().filter(|promise| promise.recorded);
         let own = own.map(|promise| question.badness(&promise.standard_errors)).fold(f64::INFINITY, f64::min);
         let best_gain = trials
             .first()
             .filter(|best| !best.saturates())
             .map(|best| (own - question.badness(&best.standard_errors)).exp());
-        Self { facts: facts(&record, &noise), promises, trials, best_gain, record }
+        Self { facts: facts(&record, &usable, &defects, &noise), promises, trials, best_gain, record }
     }
 
     /// What all recorded channels together promise.
@@ -75,17 +78,35 @@ pub struct ChannelFacts {
     pub missing: usize,
     /// Longest run of lost samples, s.
     pub longest_gap_s: f64,
+    /// What is wrong with its samples, if something is.
+    pub defects: Option<Defects>,
     /// Share of the samples that rest exactly on an extreme of the channel.
     pub saturated_share: f64,
 }
 
 impl ChannelFacts {
     /// What [`cells`](Self::cells) holds.
-    pub const COLUMNS: [&str; 8] =
-        ["channel", "smallest", "largest", "noise", "step", "lost", "longest gap", "on an extreme"];
+    pub const COLUMNS: [&str; 10] = [
+        "channel",
+        "smallest",
+        "largest",
+        "noise",
+        "step",
+        "lost",
+        "longest gap",
+        "spikes",
+        "stuck",
+        "on an extreme",
+    ];
+
+    /// How many spikes and stuck samples.
+    pub fn defect_counts(&self) -> [usize; 2] {
+        self.defects.as_ref().map_or([0; 2], |defects| [defects.spikes.len(), defects.stuck.len()])
+    }
 
     /// The facts as a row of a table; `quantity` writes a value with its unit.
-    pub fn cells(&self, quantity: fn(f64, &str) -> String) -> [String; 8] {
+    pub fn cells(&self, quantity: fn(f64, &str) -> String) -> [String; 10] {
+        let [spikes, stuck] = self.defect_counts();
         let info = self.channel.info();
         let shown = |value| quantity(value, info.unit);
         let or_none = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), shown);
@@ -97,6 +118,8 @@ impl ChannelFacts {
             or_none(Some(self.quantum).filter(|&step| step > 0.0)),
             self.missing.to_string(),
             format!("{:.0} ms", self.longest_gap_s * 1e3),
+            spikes.to_string(),
+            stuck.to_string(),
             format!("{:.1} %", self.saturated_share * 100.0),
         ]
     }
@@ -162,12 +185,17 @@ const ABOUT_AS_HIGH: f64 = 0.02;
 /// Time over which a speed is taken, s.
 const SPEED_S: f64 = 0.01;
 
-/// What a record shows; `noise` is that of the measured channels.
-pub fn facts(record: &Record, noise: &[f64]) -> Facts {
-    let channels: Vec<ChannelFacts> =
-        record.channels().map(|(channel, values)| channel_facts(record, channel, values, noise)).collect();
-    let position = record.channel(Channel::UserPosition).unwrap_or_default();
-    let likeness = likeness(record);
+/// What a record shows; `usable` is what a fit would take of it, `noise` that of its measured channels.
+fn facts(record: &Record, usable: &Record, defects: &[Defects], noise: &[f64]) -> Facts {
+    let channels: Vec<ChannelFacts> = record
+        .channels()
+        .map(|(channel, values)| {
+            let defects = defects.iter().find(|defects| defects.channel == channel);
+            channel_facts(record, (channel, values), defects, noise)
+        })
+        .collect();
+    let position = usable.channel(Channel::UserPosition).unwrap_or_default();
+    let likeness = likeness(usable);
     let response = response(&likeness, record.sample_period_s());
     let motion = motion(position, record.sample_period_s(), noise[0]);
     let notes = notes(record, &channels, response, motion);
@@ -195,7 +223,12 @@ pub fn rests(values: &[f64]) -> Vec<bool> {
         .collect()
 }
 
-fn channel_facts(record: &Record, channel: Channel, values: &[f64], noise: &[f64]) -> ChannelFacts {
+fn channel_facts(
+    record: &Record,
+    (channel, values): (Channel, &[f64]),
+    defects: Option<&Defects>,
+    noise: &[f64],
+) -> ChannelFacts {
     let measured = Channel::MEASURED.into_iter().position(|known| known == channel);
     let gaps = values.chunk_by(|a, b| a.is_nan() == b.is_nan()).filter(|run| run[0].is_nan());
     let resting = rests(values).into_iter().filter(|&rests| rests).count();
@@ -205,6 +238,7 @@ fn channel_facts(record: &Record, channel: Channel, values: &[f64], noise: &[f64
         noise: measured.map(|index| noise[index]).filter(|noise| noise.is_finite()),
         quantum: if measured.is_some() { fit::quantum(values) } else { 0.0 },
         missing: record.missing_count(channel),
+        defects: defects.cloned(),
         longest_gap_s: gaps.map(<[f64]>::len).max().unwrap_or(0) as f64 * record.sample_period_s(),
         saturated_share: resting as f64 / values.len().max(1) as f64,
     }
@@ -315,6 +349,7 @@ fn notes(
                 (facts.longest_gap_s * 1e3).round()
             ));
         }
+        notes.extend(facts.defects.as_ref().map(|defects| defects.in_words(record)));
         if let Some(noise) = facts.noise.filter(|noise| facts.quantum > 2.0 * noise) {
             notes.push(format!(
                 "{column} is read in steps of {} {}, coarser than its noise {noise:.2e}",

@@ -6,7 +6,8 @@ use csv::{ReaderBuilder, StringRecord, Trim};
 use eha_monitor::channel::Channel;
 
 use super::error::{Field, Problem, RecordError};
-use super::mapping::{Found, suggestion};
+use super::header::Header;
+use super::mapping::Found;
 use super::table::{Series, Table};
 use super::time_base::Digits;
 use super::{Loaded, ReadOptions};
@@ -54,17 +55,21 @@ pub fn read_csv_with(path: &Path, options: &ReadOptions) -> Result<Loaded, Recor
 pub fn parse_csv(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Loaded, RecordError> {
     let text = decode(file, bytes)?;
     let mut rows = Rows::new(file, text);
-    let Some((header_line, header)) = rows.next().transpose()? else {
+    let Some((header_line, row)) = rows.next().transpose()? else {
         return Err(RecordError::new(file, Problem::Empty));
     };
-    let names: Vec<String> = header.iter().map(str::to_owned).collect();
-    check_header(file, header_line, &names)?;
-    let columns = options
-        .columns
-        .resolve(options.sample_rate_hz.is_some(), &names, |name| {
-            names.iter().position(|other| other == name)
-        })
-        .map_err(|problem| RecordError::new(file, problem).at_line(header_line))?;
+    let names: Vec<String> = row.iter().map(str::to_owned).collect();
+    if names.iter().all(|name| name.parse::<f64>().is_ok()) {
+        return Err(RecordError::new(file, Problem::NoHeader).at_line(header_line));
+    }
+    let header = Header::new(names, options).map_err(|(problem, place)| {
+        let error = RecordError::new(file, problem).at_line(header_line);
+        match place {
+            Some((index, name)) => error.in_field(Field::Column { name, number: index + 1 }),
+            None => error,
+        }
+    })?;
+    let Header { names, columns } = &header;
 
     let mut values: Vec<Vec<f64>> = vec![Vec::new(); columns.len()];
     let mut lines = Vec::new();
@@ -78,7 +83,7 @@ pub fn parse_csv(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Load
         for (column, values) in columns.iter().zip(&mut values) {
             let cell = row.get(column.source).unwrap_or_default();
             let value = number(cell).map_err(|problem| {
-                RecordError::new(file, problem).at_line(line).in_field(field(&names, column.source))
+                RecordError::new(file, problem).at_line(line).in_field(field(names, column.source))
             })?;
             if column.channel == Channel::Time && !value.is_nan() {
                 digits.add(cell);
@@ -99,15 +104,15 @@ pub fn parse_csv(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Load
         series: Vec::new(),
         warnings: Vec::new(),
     };
-    if let Some(text) = unused(&names, &columns) {
+    if let Some(text) = header.unused() {
         table.warn(&text);
     }
     table.series = columns
-        .into_iter()
+        .iter()
         .zip(values)
         .map(|(Found { channel, source, .. }, values)| Series {
-            channel,
-            field: field(&names, source),
+            channel: *channel,
+            field: field(names, *source),
             values,
         })
         .collect();
@@ -149,34 +154,6 @@ fn number(cell: &str) -> Result<f64, Problem> {
 
 fn field(names: &[String], index: usize) -> Field {
     Field::Column { name: names.get(index).cloned().unwrap_or_default(), number: index + 1 }
-}
-
-/// Names, not numbers, and each once.
-fn check_header(file: &str, line: u64, names: &[String]) -> Result<(), RecordError> {
-    if names.iter().all(|name| name.parse::<f64>().is_ok()) {
-        return Err(RecordError::new(file, Problem::NoHeader).at_line(line));
-    }
-    for (index, name) in names.iter().enumerate().filter(|(_, name)| !name.is_empty()) {
-        if let Some(first) = names[..index].iter().position(|other| other == name) {
-            let problem = Problem::Duplicate { first: first + 1 };
-            return Err(RecordError::new(file, problem).at_line(line).in_field(field(names, index)));
-        }
-    }
-    Ok(())
-}
-
-/// A warning about the columns that no channel takes.
-fn unused(names: &[String], columns: &[Found<usize>]) -> Option<String> {
-    let unused: Vec<String> = names
-        .iter()
-        .enumerate()
-        .filter(|(index, name)| !name.is_empty() && columns.iter().all(|column| column.source != *index))
-        .map(|(_, name)| match suggestion(name) {
-            Some(hint) => format!("`{name}` ({hint})"),
-            None => format!("`{name}`"),
-        })
-        .collect();
-    (!unused.is_empty()).then(|| format!("columns not used: {}", unused.join(", ")))
 }
 
 /// The rows of a text, each with its line in the file; the first is the header.

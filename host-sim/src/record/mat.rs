@@ -118,8 +118,7 @@ pub fn parse_mat(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Load
             .map_err(|problem| fail(problem).in_field(field.clone()))?;
         let values: Vec<f64> = array.values.iter().map(|value| value * found.factor).collect();
         if found.channel == Channel::Time && array.single {
-            let largest = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
-            table.resolution = Resolution::single(largest);
+            table.resolution = Resolution::of_singles(&values);
         }
         if found.channel.info().role == ChannelRole::Measured && missing(&values) > 0 {
             table.warn(&format!("{field}: NaN is read as a missing sample"));

@@ -3,12 +3,13 @@
 //! A [`Record`] is checked once, when it is made: whoever holds one holds data that can be identified from.
 //! Columns, units and limits are those of [`eha_monitor::channel::CHANNELS`].
 
-use eha_monitor::channel::{CHANNELS, Channel};
+use eha_monitor::channel::{CHANNELS, Channel, ChannelRole};
 
 mod csv;
 mod csv_writer;
 mod error;
 mod guard;
+mod header;
 mod mapping;
 mod mat;
 mod parquet;
@@ -189,6 +190,24 @@ impl Record {
     /// How many samples of a channel are missing; 0 if the record does not have the channel.
     pub fn missing_count(&self, channel: Channel) -> usize {
         self.channel(channel).map_or(0, table::missing)
+    }
+
+    /// The same record, samples of its measured channels lost: `samples` tells which of a channel. A channel keeps
+    /// its own where fewer than [`MIN_SAMPLES`] would be left.
+    #[must_use]
+    pub fn with_lost(&self, samples: impl Fn(Channel) -> Vec<usize>) -> Self {
+        let mut record = self.clone();
+        for (channel, values) in &mut record.series {
+            if channel.info().role == ChannelRole::Measured {
+                let lost = samples(*channel);
+                if values.len() - table::missing(values) >= lost.len() + MIN_SAMPLES {
+                    for sample in lost {
+                        values[sample] = f64::NAN;
+                    }
+                }
+            }
+        }
+        record
     }
 
     /// The samples from `from_s` (included) to `to_s` (excluded), s.

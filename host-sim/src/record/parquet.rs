@@ -1,13 +1,17 @@
 //! Reads records from Parquet files: flat columns of numbers; a null is a missing sample.
 
+use eha_monitor::channel::Channel;
 use std::path::Path;
 
+use parquet::basic::Type as PhysicalType;
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::{Field as Cell, Row};
+use parquet::schema::types::Type;
 
 use super::error::{Field, Problem, RecordError};
 use super::guard::guarded;
+use super::header::Header;
 use super::table::{Series, Table};
 use super::time_base::Resolution;
 use super::{Loaded, ReadOptions};
@@ -29,12 +33,14 @@ fn decoded(file: &str, path: &Path, options: &ReadOptions) -> Result<Loaded, Rec
     let reader = SerializedFileReader::new(source).map_err(broken)?;
     let schema = reader.metadata().file_metadata().schema();
     let names: Vec<String> = schema.get_fields().iter().map(|field| field.name().to_owned()).collect();
-    let columns = options
-        .columns
-        .resolve(options.sample_rate_hz.is_some(), &names, |name| {
-            names.iter().position(|other| other == name)
-        })
-        .map_err(|problem| RecordError::new(file, problem))?;
+    let header = Header::new(names, options).map_err(|(problem, place)| {
+        let error = RecordError::new(file, problem);
+        match place {
+            Some((_, name)) => error.in_field(Field::Variable(name)),
+            None => error,
+        }
+    })?;
+    let Header { names, columns } = &header;
     let mut values: Vec<Vec<f64>> = vec![Vec::new(); columns.len()];
     for (index, row) in reader.get_row_iter(None).map_err(broken)?.enumerate() {
         let row = row.map_err(broken)?;
@@ -50,23 +56,29 @@ fn decoded(file: &str, path: &Path, options: &ReadOptions) -> Result<Loaded, Rec
     if values.first().is_none_or(Vec::is_empty) {
         return Err(RecordError::new(file, Problem::Empty));
     }
-    let series = columns
-        .iter()
-        .zip(values)
-        .map(|(column, values)| Series {
-            channel: column.channel,
-            field: Field::Variable(names[column.source].clone()),
-            values,
-        })
-        .collect();
-    let table = Table {
+    let mut table = Table {
         file: file.to_owned(),
         lines: None,
         resolution: Resolution::EXACT,
-        series,
+        series: Vec::new(),
         warnings: Vec::new(),
     };
+    if let Some(text) = header.unused() {
+        table.warn(&text);
+    }
+    for (column, values) in columns.iter().zip(values) {
+        if column.channel == Channel::Time && is_single(&schema.get_fields()[column.source]) {
+            table.resolution = Resolution::of_singles(&values);
+        }
+        let field = Field::Variable(names[column.source].clone());
+        table.series.push(Series { channel: column.channel, field, values });
+    }
     table.into_loaded(options)
+}
+
+/// Does a column hold single-precision numbers?
+fn is_single(column: &Type) -> bool {
+    column.is_primitive() && column.get_physical_type() == PhysicalType::FLOAT
 }
 
 /// The value of a cell; NaN for a null.

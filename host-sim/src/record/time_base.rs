@@ -60,8 +60,9 @@ impl Resolution {
     /// Stamps in full double precision.
     pub(super) const EXACT: Self = Self { absolute: 0.0, digits: 17, scale: 1.0 };
 
-    /// Stamps that are single-precision numbers, of which `largest` is the largest magnitude.
-    pub(super) fn single(largest: f64) -> Self {
+    /// Stamps that are single-precision numbers.
+    pub(super) fn of_singles(stamps: &[f64]) -> Self {
+        let largest = stamps.iter().fold(0.0, |most: f64, stamp| most.max(stamp.abs()));
         Self { absolute: largest * f64::from(f32::EPSILON), ..Self::EXACT }
     }
 
@@ -195,7 +196,7 @@ mod tests {
     fn single_precision_stamps_are_uniform() {
         let times: Vec<f64> = (0..2000).map(|k| f64::from(1000.0_f32 + k as f32 * 1e-3)).collect();
         assert!(uniform(&times, Resolution::EXACT).is_err());
-        assert!(uniform(&times, Resolution::single(1002.0)).is_ok());
+        assert!(uniform(&times, Resolution::of_singles(&times)).is_ok());
     }
 
     #[test]

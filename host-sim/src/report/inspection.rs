@@ -135,6 +135,12 @@ fn trace(one: &Inspection, facts: &ChannelFacts) -> Markup {
         layers.push(Layer::Dots(Role::Before, marks.collect()));
         legend.push((Role::Before, "lost, at the last value before".to_owned()));
     }
+    if let Some(defects) = &facts.defects {
+        let samples = defects.spikes.iter().chain(&defects.stuck);
+        let marks = samples.map(|&sample| [record.time_s(sample), values[sample]]);
+        layers.push(Layer::Dots(Role::After, marks.collect()));
+        legend.push((Role::After, "spikes and stuck samples".to_owned()));
+    }
     let end = record.time_s(record.len().saturating_sub(1));
     Plot {
         title: format!("{}: {what}", info.column),

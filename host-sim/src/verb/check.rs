@@ -69,10 +69,11 @@ fn json(common: &Common, rig: &Rig, ranges: &[Range], checked: &[Inspection]) ->
                 .iter()
                 .map(|facts| {
                     let info = facts.channel.info();
+                    let [spikes, stuck] = facts.defect_counts();
                     json!({
                         "name": info.column, "unit": info.unit, "range": facts.range, "noise": facts.noise,
                         "quantum": facts.quantum, "missing": facts.missing, "longest_gap_s": facts.longest_gap_s,
-                        "saturated_share": facts.saturated_share,
+                        "spikes": spikes, "stuck": stuck, "saturated_share": facts.saturated_share,
                     })
                 })
                 .collect();

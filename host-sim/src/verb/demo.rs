@@ -58,7 +58,7 @@ pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
     }
     let holdout = records.split_off(2);
     let names = FLIGHTS.iter().map(|(command, role)| format!("{command} ({role})")).collect();
-    let mut job = Job { common, rig, train: records, holdout, names };
+    let mut job = Job { common, rig, train: records, holdout, record_notes: Vec::new(), names };
     let answer = job.run()?;
     job.save(&answer, None)?;
     if common.json {

@@ -45,12 +45,13 @@ pub struct Options {
 /// Usage or bad data.
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let rig = super::rig(common, DEFAULT_RIG)?;
-    let train = options.input.read(common, &options.records)?;
-    let holdout = options.input.read(common, &options.holdout)?;
+    let (train, mut record_notes) = options.input.read_for_fit(common, &options.records, &rig)?;
+    let (holdout, notes) = options.input.read_for_fit(common, &options.holdout, &rig)?;
+    record_notes.extend(notes);
     let names =
         options.records.iter().chain(&options.holdout).map(|path| path.display().to_string()).collect();
     interrupt::watch()?;
-    let mut job = Job { common, rig, train, holdout, names };
+    let mut job = Job { common, rig, train, holdout, record_notes, names };
     let answer = job.run()?;
     job.save(&answer, options.prediction.as_deref())?;
     super::save_trace(common, options.trace.as_deref(), || job.trace(&answer.diagnosis))?;
@@ -68,6 +69,8 @@ pub(super) struct Job<'a> {
     pub(super) rig: Rig,
     pub(super) train: Vec<Record>,
     pub(super) holdout: Vec<Record>,
+    /// What the user should know of the records.
+    pub(super) record_notes: Vec<String>,
     pub(super) names: Vec<String>,
 }
 
@@ -179,11 +182,42 @@ impl Job<'_> {
                 "tone": left.tone.map(|(frequency, share)| json!({ "frequency_Hz": frequency, "share": share })),
             })),
             "next_experiment": next_experiment(self, diagnosis),
-            "warnings": warnings(diagnosis, self.train[0].sample_period_s()),
+            "warnings": self.warnings(diagnosis),
             "seconds": seconds,
             "seed": self.common.seed,
             "config": output::config_json(self.common, &self.rig, &self.rig.declared(), &self.names),
         })
+    }
+
+    /// What the user should know of a diagnosis.
+    fn warnings(&self, diagnosis: &Diagnosis) -> Vec<String> {
+        let mut warnings = self.record_notes.clone();
+        let sample_period = self.train[0].sample_period_s();
+        if interrupt::requested() {
+            warnings.push("interrupted: effects that were not tried yet are not ruled out".to_owned());
+        }
+        if diagnosis.holdout.is_none() && !diagnosis.found.is_empty() {
+            warnings.push("no held-out record: what was found is not validated".to_owned());
+        }
+        warnings.extend(output::command_note(&diagnosis.rig));
+        for (channel, colour) in
+            Channel::MEASURED.into_iter().zip(diagnosis.colour).filter(|(_, colour)| *colour > 0.0)
+        {
+            warnings.push(format!(
+                "neighbouring samples of {} share {:.0} % of their noise, as behind a filter of {}",
+                channel.info().column,
+                100.0 * colour,
+                output::quantity(-sample_period / colour.ln(), "s"),
+            ));
+        }
+        for fault in &diagnosis.faults {
+            let names: Vec<&str> = fault.confounded_with.iter().map(|effect| effect.name).collect();
+            if !names.is_empty() {
+                let name = fault.estimate.parameter.info().name;
+                warnings.push(format!("{name} holds only if none of these is present: {}", names.join(", ")));
+            }
+        }
+        warnings
     }
 
     pub(super) fn save(&self, answer: &Answer, prediction: Option<&Path>) -> Result<(), Failure> {
@@ -354,35 +388,6 @@ fn tables(diagnosis: &Diagnosis) -> impl Iterator<Item = Table> {
         free.add_row(row(before, after));
     }
     [faults, free].into_iter().filter(|table| !table.is_empty())
-}
-
-fn warnings(diagnosis: &Diagnosis, sample_period: f64) -> Vec<String> {
-    let mut warnings = Vec::new();
-    if interrupt::requested() {
-        warnings.push("interrupted: effects that were not tried yet are not ruled out".to_owned());
-    }
-    if diagnosis.holdout.is_none() && !diagnosis.found.is_empty() {
-        warnings.push("no held-out record: what was found is not validated".to_owned());
-    }
-    warnings.extend(output::command_note(&diagnosis.rig));
-    for (channel, colour) in
-        Channel::MEASURED.into_iter().zip(diagnosis.colour).filter(|(_, colour)| *colour > 0.0)
-    {
-        warnings.push(format!(
-            "neighbouring samples of {} share {:.0} % of their noise, as behind a filter of {}",
-            channel.info().column,
-            100.0 * colour,
-            output::quantity(-sample_period / colour.ln(), "s"),
-        ));
-    }
-    for fault in &diagnosis.faults {
-        let names: Vec<&str> = fault.confounded_with.iter().map(|effect| effect.name).collect();
-        if !names.is_empty() {
-            let name = fault.estimate.parameter.info().name;
-            warnings.push(format!("{name} holds only if none of these is present: {}", names.join(", ")));
-        }
-    }
-    warnings
 }
 
 /// What to measure so that what is open now is settled.

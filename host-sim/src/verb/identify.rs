@@ -85,7 +85,8 @@ fn loop_score(fitted: &Fitted) -> Option<LoopScore> {
 /// What the user should know of a fit.
 fn notes(fitted: &Fitted) -> Vec<String> {
     let fit = &fitted.fit;
-    let mut notes = output::correlation_warnings(fit);
+    let mut notes = fitted.record_notes.clone();
+    notes.extend(output::correlation_warnings(fit));
     notes.extend(output::command_note(&fitted.rig));
     if fitted.path_open {
         notes.push(

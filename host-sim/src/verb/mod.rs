@@ -17,9 +17,10 @@ pub mod simulate;
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::fit::{self, Fit, FitSettings, NoiseSource, OnPath, Prepared};
+use crate::inspect::screen::{Screened, screen};
 use crate::interrupt;
 use crate::output;
-use crate::record::{self, Mapping, ReadOptions, Record};
+use crate::record::{self, Loaded, Mapping, ReadOptions, Record};
 use crate::rig::{BUILT_IN, Range, Rig, parameter_named};
 use crate::trace::{TRACE_FILE, Trace};
 use clap::Args;
@@ -50,7 +51,7 @@ impl InputOptions {
     ///
     /// # Errors
     /// Usage: a wrong mapping, rate or window. Data: a file is not a record.
-    fn read(&self, common: &Common, paths: &[PathBuf]) -> Result<Vec<Record>, Failure> {
+    fn load(&self, common: &Common, paths: &[PathBuf]) -> Result<Vec<Loaded>, Failure> {
         if let Some(rate) = self.rate.filter(|rate| !(rate.is_finite() && *rate > 0.0)) {
             return Err(Failure::usage(format!("--rate {rate}: expected a positive number")));
         }
@@ -68,12 +69,46 @@ impl InputOptions {
                 let options =
                     ReadOptions { columns: columns.clone(), sample_rate_hz: self.rate, from_s, to_s };
                 let loaded = record::read(&path, &options)?;
-                for warning in &loaded.warnings {
-                    output::log(common, &format!("warning: {warning}"));
-                }
-                Ok(loaded.record)
+                log_warnings(common, &loaded.warnings);
+                Ok(loaded)
             })
             .collect()
+    }
+
+    /// The records alone, as they are.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    fn read(&self, common: &Common, paths: &[PathBuf]) -> Result<Vec<Record>, Failure> {
+        Ok(self.load(common, paths)?.into_iter().map(|loaded| loaded.record).collect())
+    }
+
+    /// The records as a fit takes them, what is wrong with their samples left out; and what the user should know of them.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    fn read_for_fit(
+        &self,
+        common: &Common,
+        paths: &[PathBuf],
+        rig: &Rig,
+    ) -> Result<(Vec<Record>, Vec<String>), Failure> {
+        let mut all_notes = Vec::new();
+        let mut records = Vec::new();
+        for Loaded { record, warnings } in self.load(common, paths)? {
+            let Screened { record, notes, .. } = screen(rig, &record);
+            log_warnings(common, &notes);
+            records.push(record);
+            all_notes.extend(warnings);
+            all_notes.extend(notes);
+        }
+        Ok((records, all_notes))
+    }
+}
+
+fn log_warnings(common: &Common, warnings: &[String]) {
+    for warning in warnings {
+        output::log(common, &format!("warning: {warning}"));
     }
 }
 
@@ -184,6 +219,7 @@ struct Fitted {
     ranges: Vec<Range>,
     noise_source: [NoiseSource; 4],
     records: Vec<Record>,
+    record_notes: Vec<String>,
     prepared: Vec<Prepared>,
     fit: Fit,
     path_open: bool,
@@ -202,7 +238,7 @@ fn fit_records(
     interrupt::watch()?;
     let rig = rig(common, default_rig)?;
     let ranges = with_bounds(&choose(&rig), &options.bounds)?;
-    let records = options.input.read(common, &options.records)?;
+    let (records, record_notes) = options.input.read_for_fit(common, &options.records, &rig)?;
     let noise_source = fit::noise_source(&rig, &records);
     let prepared: Vec<Prepared> = records.iter().map(|record| fit::prepare(&rig, record)).collect();
     let settings = FitSettings { seed: common.seed, population: options.population, budget: options.budget };
@@ -218,6 +254,7 @@ fn fit_records(
         ranges,
         noise_source,
         records,
+        record_notes,
         prepared,
         fit,
         path_open,

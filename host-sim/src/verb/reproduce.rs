@@ -228,6 +228,7 @@ fn closed_loop(common: &Common) -> Result<Rig, Failure> {
         rig: (BUILT_IN[0].make)(),
         train: vec![healthy("chirp", common.seed)?, healthy("mixed", common.seed + 1)?],
         holdout: vec![healthy("mixed-step", common.seed + 2)?],
+        record_notes: Vec::new(),
         names: Vec::new(),
     };
     Ok(job.run()?.diagnosis.rig)

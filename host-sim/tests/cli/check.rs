@@ -1,6 +1,6 @@
 //! What a record is worth, before any fit.
 
-use super::harness::{Bench, named, number};
+use super::harness::{Bench, named, number, with_cells};
 use serde_json::Value;
 
 /// The entry for a set of channels.
@@ -61,23 +61,11 @@ fn it_says_what_is_wrong_with_a_record() {
     let bench = Bench::new();
     let options = ["--model", "lf", "--command", "sine", "--noise", "lvdt_m=5e-6", "--dropout", "0.05"];
     bench.simulate("record.csv", &options);
-    let text = bench.read("record.csv");
     // The LVDT cut off at 2 mm.
-    let mut column = None;
-    let cut: String = text
-        .lines()
-        .map(|line| {
-            let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
-            if line.starts_with("t_s") {
-                column = cells.iter().position(|name| name == "lvdt_m");
-            } else if let (Some(column), false) = (column, line.starts_with('#'))
-                && cells[column].parse::<f64>().is_ok_and(|value| value > 2e-3)
-            {
-                cells[column] = "0.002".to_owned();
-            }
-            cells.join(",") + "\n"
-        })
-        .collect();
+    let cut = with_cells(&bench.read("record.csv"), "lvdt_m", |_, cell| {
+        let beyond = cell.parse::<f64>().is_ok_and(|value| value > 2e-3);
+        if beyond { "0.002".to_owned() } else { cell.to_owned() }
+    });
     bench.write("cut.csv", &cut);
     let check = |name: &str| bench.run(&["check", name, "--json"]).done().json()["records"][0].clone();
     let (sound, cut) = (check("record.csv"), check("cut.csv"));
@@ -97,4 +85,29 @@ fn it_says_what_is_wrong_with_a_record() {
     for part in ["lvdt_m + current_mA", "best first", "response behind the command", "seed 1"] {
         assert!(text.contains(part), "{part}: {text}");
     }
+}
+
+#[test]
+fn it_counts_what_no_actuator_makes() {
+    let bench = Bench::new();
+    bench.simulate("record.csv", &["--model", "lf", "--command", "sine", "--noise", "lvdt_m=5e-6"]);
+    let spiky = with_cells(&bench.read("record.csv"), "lvdt_m", |sample, cell| match sample {
+        400 => "0".to_owned(),
+        601..606 => "0.0012345".to_owned(),
+        _ => cell.to_owned(),
+    });
+    bench.write("spiky.csv", &spiky);
+    let check = |name: &str| bench.run(&["check", name, "--json"]).done().json()["records"][0].clone();
+    let counts = |record: &Value| {
+        ["spikes", "stuck"].map(|kind| named(&record["channels"], "lvdt_m")[kind].as_u64().expect("a count"))
+    };
+    let (sound, spiky) = (check("record.csv"), check("spiky.csv"));
+    assert_eq!((counts(&sound), counts(&spiky)), ([0, 0], [2, 4]));
+    let note = "spiky.csv: lvdt_m: 2 spikes from 0.4 to 0.601 s, 4 stuck samples from 0.602 to 0.605 s";
+    assert!(bench.run(&["check", "spiky.csv"]).done().stdout.contains(&note["spiky.csv: ".len()..]));
+    assert!(!sound["notes"].to_string().contains("spike"), "{sound}");
+    // A fit says the same.
+    let fit = bench.run(&["identify", "spiky.csv", "--json"]).done();
+    assert!(fit.json()["warnings"].to_string().contains(note), "{}", fit.stdout);
+    assert!(fit.stderr.contains(note), "{}", fit.stderr);
 }

@@ -124,6 +124,9 @@ fn a_trace_adds_up_and_parquet_says_the_same_as_csv() {
     let again = |name: &str| {
         let mut result = timeless(bench.run(&["identify", name, "--json"]).done().json());
         result["config"]["records"] = Value::Null;
+        let warnings = result["warnings"].to_string();
+        assert!(warnings.contains("columns not used: `record`, `lvdt_m_model`"), "{warnings}");
+        result["warnings"] = Value::Null;
         result
     };
     assert_eq!(again("trace.csv"), again("trace.parquet"));

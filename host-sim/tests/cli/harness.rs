@@ -48,6 +48,19 @@ impl Run {
     }
 }
 
+/// A record's CSV text, cells of a column changed: `change` is given the number of the sample and the cell.
+pub(crate) fn with_cells(text: &str, column: &str, change: impl Fn(usize, &str) -> String) -> String {
+    let mut rows = text.lines().filter(|line| !line.starts_with('#'));
+    let header = rows.next().expect("a header");
+    let place = header.split(',').position(|name| name == column).expect("the column");
+    let changed = rows.enumerate().map(|(sample, row)| {
+        let mut cells: Vec<String> = row.split(',').map(str::to_owned).collect();
+        cells[place] = change(sample, &cells[place]);
+        cells.join(",")
+    });
+    std::iter::once(header.to_owned()).chain(changed).collect::<Vec<_>>().join("\n")
+}
+
 /// A directory in which the program runs.
 pub(crate) struct Bench {
     directory: TempDir,

@@ -1,6 +1,6 @@
 //! Faults out of records.
 
-use super::harness::{BKL, Bench, FDJ, NO_CONVERGENCE, keys, named, number, timeless};
+use super::harness::{BKL, Bench, FDJ, NO_CONVERGENCE, keys, named, number, timeless, with_cells};
 use serde_json::Value;
 
 /// Members of the result that the design fixes.
@@ -113,8 +113,30 @@ fn lost_samples_are_left_out_and_reported() {
     let blank = blank.count();
     assert!((5..60).contains(&blank), "{blank} of 1001 samples are blank");
     let run = bench.run(&["identify", "record.csv", "--json"]).done();
-    assert!(run.stderr.contains(&format!("{blank} of 1001 samples are missing")), "{}", run.stderr);
+    let note = format!("{blank} of 1001 samples are missing");
+    assert!(run.stderr.contains(&note), "{}", run.stderr);
+    assert!(run.json()["warnings"].to_string().contains(&note), "{}", run.stdout);
     assert_finds_the_faults(&run.json());
+}
+
+#[test]
+fn spikes_are_left_out() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    let spiky = |every: usize| {
+        with_cells(&bench.read("record.csv"), "lvdt_m", |sample, cell| {
+            let spike = if sample % every == every / 2 { 1e-3 } else { 0.0 };
+            (cell.parse::<f64>().expect("a number") + spike).to_string()
+        })
+    };
+    bench.write("some.csv", &spiky(100));
+    assert_finds_the_faults(&bench.run(&["identify", "some.csv", "--json"]).done().json());
+    // So many are what the sensor is like: they stay in, and spoil the fit.
+    bench.write("many.csv", &spiky(15));
+    let many = bench.run(&["identify", "many.csv", "--json"]).done().json();
+    assert!(many["warnings"].to_string().contains("67 spikes"), "{many}");
+    assert!(many["warnings"].to_string().contains("too many to leave out"), "{many}");
+    assert!(number(&many["residual_rms_m"]) > 2e-4, "{many}");
 }
 
 #[test]

@@ -1,0 +1,52 @@
+//! The named columns of a file: which of them are channels, and what is told of the others.
+
+use super::ReadOptions;
+use super::error::Problem;
+use super::mapping::{Found, suggestion};
+
+/// The columns of a file that has them by name.
+pub(super) struct Header {
+    /// Every name, in order.
+    pub(super) names: Vec<String>,
+    /// Those that are channels; the source is the place among the names.
+    pub(super) columns: Vec<Found<usize>>,
+}
+
+impl Header {
+    /// Finds the channels among the names.
+    ///
+    /// # Errors
+    ///
+    /// A channel that is missing, or one whose name is there twice: then with place and name of the second.
+    pub(super) fn new(
+        names: Vec<String>,
+        options: &ReadOptions,
+    ) -> Result<Self, (Problem, Option<(usize, String)>)> {
+        let mut twice = None;
+        let columns = options.columns.resolve(options.sample_rate_hz.is_some(), &names, |name| {
+            let mut places = (0..names.len()).filter(|&index| names[index] == name);
+            let first = places.next()?;
+            twice = twice.or(places.next().map(|second| (first, second)));
+            Some(first)
+        });
+        if let Some((first, second)) = twice {
+            return Err((Problem::Duplicate { first: first + 1 }, Some((second, names[second].clone()))));
+        }
+        let columns = columns.map_err(|problem| (problem, None))?;
+        Ok(Self { names, columns })
+    }
+
+    /// A warning about the columns that no channel takes.
+    pub(super) fn unused(&self) -> Option<String> {
+        let is_unused = |index: usize| self.columns.iter().all(|column| column.source != index);
+        let named = self.names.iter().enumerate().filter(|(_, name)| !name.is_empty());
+        let unused: Vec<String> = named
+            .filter(|(index, _)| is_unused(*index))
+            .map(|(_, name)| match suggestion(name) {
+                Some(hint) => format!("`{name}` ({hint})"),
+                None => format!("`{name}`"),
+            })
+            .collect();
+        (!unused.is_empty()).then(|| format!("columns not used: {}", unused.join(", ")))
+    }
+}
