@@ -295,10 +295,23 @@ fn a_window_keeps_what_is_inside_and_checks_only_that() {
 }
 
 #[test]
-fn a_slow_rate_makes_the_unit_of_time_doubtful() {
+fn a_rate_that_no_logger_has_makes_the_unit_of_time_doubtful() {
     let milliseconds = text_with(HEADER, 60, |row, column| (column == 0).then(|| row.to_string()));
     let warnings = parse(&milliseconds).expect("valid").warnings;
     assert_eq!(warnings, ["run.csv: the sampling period is 1 s: is the time in seconds?"]);
+    let microseconds = text_with(HEADER, 60, |row, column| (column == 0).then(|| format!("{row}e-6")));
+    let warnings = parse(&microseconds).expect("valid").warnings;
+    assert_eq!(warnings, ["run.csv: the sampling period is 0.000001 s: is the time in seconds?"]);
+}
+
+#[test]
+fn a_clock_may_count_from_any_day() {
+    let epoch = text_with(HEADER, 60, |row, column| {
+        (column == 0).then(|| format!("{:.3}", 1_795_000_000.0 + row as f64 * 1e-3))
+    });
+    let Loaded { record, warnings } = parse(&epoch).expect("valid");
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_eq!((record.sample_period_s(), record.start_time_s()), (1e-3, 1_795_000_000.0));
 }
 
 #[test]

@@ -57,8 +57,11 @@ pub(super) fn look(
     signatures: &Signatures<'_>,
 ) -> Option<Prospect> {
     let base = Place::of(rig, ranges);
-    let places: Vec<Place> =
-        place::places(effect, rig, records, signatures).iter().map(|place| base.with(place)).collect();
+    let is_first = ranges.len() == rig.declared().len();
+    let places: Vec<Place> = place::places(effect, rig, records, signatures, is_first)
+        .iter()
+        .map(|place| base.with(place))
+        .collect();
     let (ranges, foreseen) = places
         .iter()
         .filter_map(|place| Some((&place.ranges, fit::foresee(rig, &place.ranges, &place.values, records)?)))
@@ -137,7 +140,9 @@ impl Candidate {
     /// The rig with the effect and the fitted values.
     pub(super) fn applied(&self, rig: &Rig) -> Rig {
         let mut rig = self.fit.applied(rig, &self.ranges);
-        rig.effects.push(self.effect);
+        if rig.effects.iter().all(|known| known.name != self.effect.name) {
+            rig.effects.push(self.effect);
+        }
         rig
     }
 }

@@ -416,7 +416,9 @@ impl Hypothesis {
         let mut added = self.added.clone();
         added.retain(|known| known.name != effect.name);
         let mut rig = self.rig.clone();
-        rig.effects.retain(|known| known.name != effect.name);
+        if case.rig.effects.iter().all(|known| known.name != effect.name) {
+            rig.effects.retain(|known| known.name != effect.name);
+        }
         for &parameter in effect.parameters {
             rig.parameters.set(parameter, case.rig.parameters.get(parameter));
         }

@@ -384,10 +384,7 @@ fn conclude(case: &Case<'_>, before: Fit, best: &Hypothesis, earned: &[Earned], 
             Fault { estimate, confounded_with: open.confounded[index].clone() }
         })
         .collect();
-    let left = (!noise_only).then(|| {
-        let series = residual::series(case.train(), &predictions, 0);
-        residual::describe(&case.train()[0], &predictions[0], &series[0])
-    });
+    let left = (!noise_only).then(|| residual::describe(&case.train()[0], &predictions[0]));
     let bare = before.applied(case.rig);
     let scores = |records: &[Prepared]| [score(&bare, records), score(&best.rig, records)];
     Diagnosis {

@@ -36,8 +36,9 @@ const RINGING_DECADES: i32 = 2;
 const RINGING_REACH: f64 = 0.1;
 /// Half widths of the search for an effect where no slope leads to it, in its sizes.
 const SPANS: &[f64] = &[REACH, 5.0, 1.0, 0.2];
-/// Times at which a step load is tried.
+/// Times at which a step load is tried, at least, and how far apart they are at most, s.
 const STEP_TIMES: usize = 40;
+const STEP_EVERY_S: f64 = 0.125;
 
 /// Where a fit starts.
 #[derive(Clone, Debug)]
@@ -64,14 +65,16 @@ impl Place {
     }
 }
 
-/// Where an effect of a rig is looked for in records, whose signatures are those around the rig.
+/// Where an effect of a rig is looked for in records, whose signatures are those around the rig; `is_first`: no effect is found
+/// yet.
 pub(super) fn places(
     effect: &EffectInfo,
     rig: &Rig,
     records: &[Prepared],
     signatures: &Signatures<'_>,
+    is_first: bool,
 ) -> Vec<Place> {
-    let seeker = Seeker { effect, rig, signatures };
+    let seeker = Seeker { effect, rig, signatures, is_first };
     match effect.parameters {
         [] => Vec::new(),
         [_, Parameter::StepLoadTime] => seeker.steps(records),
@@ -124,8 +127,9 @@ pub(super) fn spans(effect: &EffectInfo, rig: &Rig, records: &[Prepared]) -> Vec
 
 /// The times at which the load may step in some records.
 fn step_times(records: &[Prepared]) -> Range {
-    let duration = |record: &Prepared| record.len() as f64 * record.sample_period;
-    let upper = records.iter().map(duration).fold(0.0, f64::max);
+    // Those of an excerpt are the times of its whole record.
+    let end = |record: &Prepared| record.time(record.len() - 1) + record.sample_period;
+    let upper = records.iter().map(end).fold(0.0, f64::max);
     Range { parameter: Parameter::StepLoadTime, lower: 0.0, upper }
 }
 
@@ -134,6 +138,8 @@ struct Seeker<'a> {
     effect: &'a EffectInfo,
     rig: &'a Rig,
     signatures: &'a Signatures<'a>,
+    /// Is no effect found yet?
+    is_first: bool,
 }
 
 impl Seeker<'_> {
@@ -161,9 +167,10 @@ impl Seeker<'_> {
     /// The times at which a step of the load explains most.
     fn steps(&self, records: &[Prepared]) -> Vec<Place> {
         let times = step_times(records);
-        let time = |index: usize| times.upper * (index as f64 + 0.5) / STEP_TIMES as f64;
+        let count = STEP_TIMES.max((times.upper / STEP_EVERY_S).ceil() as usize);
+        let time = |index: usize| times.upper * (index as f64 + 0.5) / count as f64;
         let step = 0.5 * self.effect.sizes[0];
-        let tried: Vec<(f64, f64)> = (0..STEP_TIMES)
+        let tried: Vec<(f64, f64)> = (0..count)
             .into_par_iter()
             .map(|index| {
                 let signature = self.signature(&[self.here(0) + step, time(index)]);
@@ -232,7 +239,7 @@ impl Seeker<'_> {
         if self.effect.parameters.len() == 1 {
             return vec![self.place(0.0, NEAR * size)];
         }
-        if !self.rig.effects.is_empty() {
+        if !self.is_first {
             return Vec::new();
         }
         let place = |change: f64, second: f64| {
@@ -274,7 +281,7 @@ fn valleys(costs: &[f64], behind: f64) -> Vec<usize> {
 /// Where records show an effect of a model that was fitted to a part of them. None for an effect that is not looked for
 /// in the records.
 pub(super) fn shown_by(effect: &EffectInfo, rig: &Rig, ranges: &[Range], records: &[Prepared]) -> Vec<Place> {
-    if !matches!(effect.parameters, [.., Parameter::CoggingPitch]) {
+    if !matches!(effect.parameters, [.., Parameter::CoggingPitch | Parameter::StepLoadTime]) {
         return Vec::new();
     }
     let mut without = rig.clone();
@@ -285,7 +292,7 @@ pub(super) fn shown_by(effect: &EffectInfo, rig: &Rig, ranges: &[Range], records
         ranges.iter().filter(|range| !effect.parameters.contains(&range.parameter)).copied().collect();
     let signatures = Signatures::new(&without, &others, records);
     let others = Place::of(rig, &others);
-    places(effect, &without, records, &signatures).iter().map(|place| others.with(place)).collect()
+    places(effect, &without, records, &signatures, false).iter().map(|place| others.with(place)).collect()
 }
 
 #[cfg(test)]

@@ -156,47 +156,55 @@ impl ChannelResidual {
 pub struct Description {
     /// Quantity of the motion that it follows best, and the correlation.
     pub follows: Option<(&'static str, f64)>,
-    /// Interval of time, s, in the first record that holds half of its power in the shortest time.
+    /// Interval, s from the start of the first record, that holds half of its power in the shortest time.
     pub active: [f64; 2],
-    /// Frequency with the most power, Hz, and the share of the power within a tenth of it.
+    /// Frequency with the most power, Hz, and its share of the power.
     pub tone: Option<(f64, f64)>,
 }
 
-/// Describes the position residual of the first record.
-pub fn describe(record: &Prepared, outputs: &[Outputs<f64>], residual: &[f64]) -> Description {
+/// Describes the position residual of a record.
+pub fn describe(record: &Prepared, outputs: &[Outputs<f64>]) -> Description {
     let period = record.sample_period;
-    let count = residual.len().min(outputs.len());
-    let skip = outputs.len() - count;
-    let ram: Vec<f64> = outputs[skip..].iter().map(|output| output.ram).collect();
+    let count = outputs.len();
+    // What is lost or not compared adds nothing.
+    let left = |sample: usize| record.measured(0)[sample] - outputs[sample].user;
+    let is_there = |sample: usize| record.is_compared(sample) && left(sample).is_finite();
+    let residual: Vec<f64> =
+        (0..count).map(|sample| if is_there(sample) { left(sample) } else { 0.0 }).collect();
     let velocity: Vec<f64> = (0..count)
-        .map(|k| (ram[(k + 1).min(count - 1)] - ram[k.saturating_sub(1)]) / (2.0 * period))
+        .map(|k| (outputs[(k + 1).min(count - 1)].ram - outputs[k.saturating_sub(1)].ram) / (2.0 * period))
         .collect();
     let features: [(&str, Vec<f64>); 6] = [
         ("a constant", vec![1.0; count]),
-        ("the position", ram.clone()),
+        ("the position", outputs.iter().map(|output| output.ram).collect()),
         ("the velocity", velocity.clone()),
         ("the direction of motion", velocity.iter().map(|v| v.signum()).collect()),
         ("the speed", velocity.iter().map(|v| v.abs()).collect()),
         ("time (a drift)", (0..count).map(|k| k as f64 / count as f64 - 0.5).collect()),
     ];
-    let norm = |a: &[f64]| a.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|x| x * x).sum::<f64>().sqrt();
+    let size = norm(&mut residual.iter().copied());
     let follows = features
         .iter()
         .map(|(name, feature)| {
             let product: f64 = residual.iter().zip(feature).map(|(a, b)| a * b).sum();
-            (*name, product / (norm(residual) * norm(feature)).max(f64::MIN_POSITIVE))
+            let moved =
+                norm(&mut (0..count).filter(|&sample| is_there(sample)).map(|sample| feature[sample]));
+            (*name, product / (size * moved).max(f64::MIN_POSITIVE))
         })
         .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
         .filter(|(_, correlation)| correlation.abs() > 0.5);
-    Description { follows, active: active(residual, period), tone: tone(residual, period) }
+    let active = active(&residual).map(|sample| sample as f64 * period);
+    Description { follows, active, tone: tone(&residual, period) }
 }
 
-fn active(residual: &[f64], period: f64) -> [f64; 2] {
+/// First sample, and the one after the last, of the shortest run that holds half of the power.
+fn active(residual: &[f64]) -> [usize; 2] {
     let total: f64 = residual.iter().map(|x| x * x).sum();
     let (mut best, mut low, mut power) = ([0, residual.len()], 0, 0.0);
     for (high, value) in residual.iter().enumerate() {
         power += value * value;
-        while power - residual[low] * residual[low] >= total / 2.0 {
+        while low < high && power - residual[low] * residual[low] >= total / 2.0 {
             power -= residual[low] * residual[low];
             low += 1;
         }
@@ -204,7 +212,7 @@ fn active(residual: &[f64], period: f64) -> [f64; 2] {
             best = [low, high + 1];
         }
     }
-    [best[0] as f64 * period, best[1] as f64 * period]
+    best
 }
 
 fn tone(residual: &[f64], period: f64) -> Option<(f64, f64)> {
@@ -225,4 +233,38 @@ fn tone(residual: &[f64], period: f64) -> Option<(f64, f64)> {
         .map(|frequency| (frequency, power(frequency)))
         .max_by(|a, b| a.1.total_cmp(&b.1))
         .filter(|(_, share)| *share > 0.4)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::prepare;
+    use crate::record::Record;
+    use crate::rig::BUILT_IN;
+    use eha_monitor::channel::Channel;
+
+    #[test]
+    fn what_is_left_is_described_although_samples_are_lost() {
+        let rig = (BUILT_IN[0].make)();
+        let wave = |k: usize| 4e-3 * (31.4e-3 * k as f64).sin();
+        let outputs: Vec<Outputs<f64>> =
+            (0..2000).map(|k| Outputs { user: wave(k), ram: wave(k), ..Outputs::default() }).collect();
+        let hum = |k: usize| if k < 400 { 0.0 } else { 1e-5 * (0.3 * k as f64).sin() };
+        let described = |is_lost: fn(usize) -> bool| {
+            let lvdt = (0..2000).map(|k| if is_lost(k) { f64::NAN } else { wave(k) + hum(k) });
+            let channels = vec![
+                (Channel::Command, (0..2000).map(wave).collect()),
+                (Channel::UserPosition, lvdt.collect()),
+            ];
+            let record = Record::new("hum", 1e-3, 0.0, channels).unwrap();
+            describe(&prepare(&rig, &record), &outputs)
+        };
+        let (whole, gaps) = (described(|_| false), described(|k| k % 50 == 7));
+        for Description { follows, active, tone } in [whole, gaps] {
+            assert_eq!(follows, None);
+            assert!(active[0] >= 0.4 && (active[1] - active[0] - 0.8).abs() < 0.03, "{active:?}");
+            let (frequency, share) = tone.unwrap();
+            assert!((frequency - 0.3e3 / std::f64::consts::TAU).abs() < 1.0 && share > 0.4, "{tone:?}");
+        }
+    }
 }

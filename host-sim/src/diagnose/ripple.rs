@@ -165,10 +165,16 @@ fn answers(rig: &Rig, record: &Prepared, outputs: &[Outputs<f64>]) -> [Vec<f64>;
     let length = (ANSWER_S / record.sample_period) as usize;
     let mut sums = [(); MEASURED].map(|()| vec![0.0; length + 1]);
     let mut counts = vec![0_usize; length + 1];
+    // A step that the model has already is not moved in time for that.
+    let mut calm = rig.clone();
+    calm.parameters.set(Parameter::StepLoad, 0.0);
+    let has_step = calm.parameters != rig.parameters;
+    let calm_outputs = has_step.then(|| fit::predict(&calm, std::slice::from_ref(record)).concat());
+    let outputs = calm_outputs.as_deref().unwrap_or(outputs);
     for step in 0..STEPS {
         let at = (2 * step + 1) * record.len() / (2 * STEPS);
-        let mut stepped = rig.clone();
-        stepped.parameters.set(Parameter::StepLoad, rig.parameters.get(Parameter::StepLoad) + STEP);
+        let mut stepped = calm.clone();
+        stepped.parameters.set(Parameter::StepLoad, STEP);
         stepped.parameters.set(Parameter::StepLoadTime, record.time(at));
         let after = fit::predict(&stepped, std::slice::from_ref(record)).concat();
         for (lag, (with, without)) in after.iter().zip(outputs).skip(at).enumerate().take(length + 1) {

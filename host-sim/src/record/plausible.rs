@@ -2,9 +2,10 @@
 //!
 //! Two rules, both on values that are present:
 //!
-//! 1. The largest magnitude is at most [`ChannelInfo::plausible`] of the channel table. Above it, whole numbers beyond
-//!    50 times the limit are called sensor counts; otherwise the first unit a thousand times smaller
-//!    or more that brings them below the limit is named; where there is none, sensor counts.
+//! 1. The largest magnitude is at most [`ChannelInfo::plausible`] of the channel table; of a time, that of what has passed
+//!    since the first sample. Above it, whole numbers beyond 50 times the limit are called sensor counts; otherwise the
+//!    first unit a thousand times smaller or more that brings them below the limit is named; where there is none,
+//!    sensor counts.
 //! 2. A measured position moves at most 100 times as far as the command asks (peak to peak). This finds a small
 //!    motion in millimetres beside a command in metres. It needs a command that moves, and is left out
 //!    where a driving force replaces the valve.
@@ -83,10 +84,13 @@ impl fmt::Display for Suspicion {
 
 /// The index of the sample that breaks rule 1, and what is suspected.
 pub(super) fn magnitude(info: &ChannelInfo, series: &Series) -> Option<(usize, Suspicion)> {
+    // A clock may count from any day.
+    let is_time = info.channel == Channel::Time;
+    let origin = series.values.first().filter(|_| is_time).copied().unwrap_or(0.0);
     let (index, largest) = series
         .values
         .iter()
-        .map(|value| value.abs())
+        .map(|value| (value - origin).abs())
         .enumerate()
         .filter(|(_, value)| !value.is_nan())
         .max_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -94,7 +98,7 @@ pub(super) fn magnitude(info: &ChannelInfo, series: &Series) -> Option<(usize, S
         return None;
     }
     let whole = series.values.iter().filter(|value| !value.is_nan()).all(|value| value.fract() == 0.0);
-    let counts = whole && info.channel != Channel::Time && largest > COUNTS_FROM * info.plausible;
+    let counts = whole && !is_time && largest > COUNTS_FROM * info.plausible;
     let found = Excess::Magnitude { largest, limit: info.plausible };
     let looks_like = if counts { None } else { smaller_unit(info, largest, info.plausible) };
     Some((index, suspicion(info, series, found, looks_like)))

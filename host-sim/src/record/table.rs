@@ -8,6 +8,8 @@ use super::{Loaded, MIN_SAMPLES, ReadOptions, Record, plausible};
 
 /// Above this period, s, the unit of the time is doubted in a warning.
 const SLOW_SAMPLING: f64 = 0.1;
+/// The same below this one.
+const FAST_SAMPLING: f64 = 1e-5;
 
 /// The values of one channel, in its unit, and where they came from. NaN is a missing sample.
 #[derive(Clone, Debug)]
@@ -64,7 +66,7 @@ impl Table {
         let (start, period) = uniform(&time.values, self.resolution)
             .map_err(|(index, problem)| self.at(&time, index, problem))?;
         self.check_values()?;
-        if period > SLOW_SAMPLING {
+        if !(FAST_SAMPLING..=SLOW_SAMPLING).contains(&period) {
             self.warn(&format!("the sampling period is {period} s: is the time in seconds?"));
         }
         self.report_missing();

@@ -97,12 +97,15 @@ impl Job<'_> {
         let case = Case::new(&self.rig, &records, self.train.len());
         let settings = FitSettings { seed: self.common.seed, ..FitSettings::default() };
         let bar = output::bar(self.common, 100, "diagnosing");
-        let diagnosis = diagnose(&case, &settings, &|what, share| {
+        let mut diagnosis = diagnose(&case, &settings, &|what, share| {
             bar.set_position((share * 100.0) as u64);
             bar.set_message(what.to_owned());
         });
         bar.finish_and_clear();
         self.rig.command_path = diagnosis.rig.command_path;
+        if let Some(left) = &mut diagnosis.left {
+            left.active = left.active.map(|since_start| self.train[0].start_time_s() + since_start);
+        }
         let loops = self.loop_scores(&diagnosis);
         let result = self.json(&diagnosis, &loops, started.elapsed().as_secs_f64());
         Ok(Answer { diagnosis, loops, result })
