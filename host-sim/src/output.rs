@@ -291,7 +291,15 @@ pub fn config_json(common: &Common, rig: &Rig, ranges: &[Range], records: &[Stri
             "feedback": format!("{:?}", rig.form.feedback),
             "drive": format!("{:?}", rig.form.drive),
             "command_path": rig.command_path,
+            "command_offset": rig.command_offset,
+            "drive_holds": rig.drive_holds,
+            "restart_s": rig.restart_s,
         },
+        "controller": rig.controller.map(|law| json!({
+            "position_gain": law.position_gain, "velocity_gain": law.velocity_gain, "limit": law.limit,
+            "force_gain": law.force_gain,
+        })),
+        "noise": rig.noise.iter().map(|(channel, noise)| (channel.info().column.to_owned(), json!(noise))).collect::<Map<_, _>>(),
         "parameters": parameters,
         "effects": rig.effects.iter().map(|effect| effect.name).collect::<Vec<_>>(),
         "free": ranges.iter().map(|range| json!({

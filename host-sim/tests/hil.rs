@@ -25,7 +25,7 @@ fn expect<T>(result: Result<T, Failure>) -> T {
 
 fn on_board(session: &Session, machine: Machine) -> Outcome {
     let mut shown = 0;
-    let outcome = expect(session.run(expect(Line::to_emulator(machine, &[])), |_| shown += 1));
+    let outcome = expect(session.run(expect(Line::to_emulator(machine, &[], session)), |_| shown += 1));
     assert_eq!(shown, outcome.reports.len());
     outcome
 }
@@ -144,7 +144,7 @@ fn a_serial_port_is_served_in_real_time() {
     });
     let mut session = expect(Session::reference());
     session.samples.truncate(1800);
-    let outcome = expect(session.run(expect(Line::to_port(name.as_ref(), 921_600)), |_| {}));
+    let outcome = expect(session.run(expect(Line::to_port(name.as_ref(), 921_600, &session)), |_| {}));
     assert!(outcome.is_identical, "{:?}", outcome.reports);
     assert_eq!(outcome.reports.len(), 1);
     drop(port);

@@ -3,7 +3,7 @@
 use crate::parameter::Parameters;
 use crate::scalar::Real;
 
-/// Samples that the delay line holds; a delay is limited to two fewer sample periods.
+/// Samples that the delay line holds.
 pub const DELAY_LINE: usize = 34;
 
 /// Constants of the LVDT at one sample period.
@@ -42,7 +42,12 @@ impl<T: Real> Lvdt<T> {
     pub const IDLE: Self =
         Self { offset: T::ZERO, gain: T::ZERO, cubic: T::ZERO, lag: None, delay: T::ZERO, has_memory: false };
 
-    /// The LVDT of a set of parameters, sampled with a period in s.
+    /// Longest delay at a sample period, s: the cubic takes two samples before the wanted one and one after it.
+    pub fn longest_delay(sample_period: T) -> T {
+        T::from_count(DELAY_LINE as u32 - 3) * sample_period
+    }
+
+    /// The LVDT of a set of parameters, sampled with a period in s; a delay is cut at the longest one.
     pub fn new(p: &Parameters<T>, sample_period: T) -> Self {
         let lag = (p.sensor_lag > T::ZERO).then(|| {
             // Exact for an input that is linear over the sample: y1 = a y0 + (b - a) u0 + (1 - b) u1,
@@ -54,14 +59,13 @@ impl<T: Real> Lvdt<T> {
             let curvature = T::literal(0.5) * b - (T::ONE - b) / ratio;
             [a, b - a, T::ONE - b, curvature]
         });
-        let longest = T::from_count(DELAY_LINE as u32 - 3);
         let has_memory = lag.is_some() || p.sensor_delay > T::ZERO;
         Self {
             offset: p.sensor_offset,
             gain: T::ONE + p.sensor_gain,
             cubic: p.sensor_cubic,
             lag,
-            delay: (p.sensor_delay / sample_period).smaller(longest),
+            delay: p.sensor_delay.smaller(Self::longest_delay(sample_period)) / sample_period,
             has_memory,
         }
     }

@@ -1,6 +1,7 @@
 //! What a monitor is told of its actuator, checked once.
 
 use crate::fit::problem::Free;
+use crate::model::sensor::Lvdt;
 use crate::model::{Drive, Form, Model};
 use crate::parameter::{Parameter, Parameters, Reach};
 use crate::trial::SensorNoise;
@@ -26,7 +27,7 @@ pub struct Fault {
 pub struct Config<const FAULTS: usize> {
     /// Structure of the model.
     pub form: Form,
-    /// Parameters of the model; those of the faults are not read.
+    /// Parameters of the model, each in its range; the values of the faults are not used.
     pub parameters: Parameters<f32>,
     /// Sample period, s.
     pub sample_period: f32,
@@ -57,6 +58,8 @@ pub enum ConfigError {
     Input,
     /// A parameter is not in the range in which it makes sense.
     Parameter(Parameter),
+    /// Two faults are the same parameter.
+    Twice(Parameter),
 }
 
 impl<const FAULTS: usize> Config<FAULTS> {
@@ -88,6 +91,9 @@ impl<const FAULTS: usize> Config<FAULTS> {
                 return Err(ConfigError::Parameter(parameter));
             }
         }
+        if self.parameters.sensor_delay > Lvdt::longest_delay(self.sample_period) {
+            return Err(ConfigError::Parameter(Parameter::SensorDelay));
+        }
         for Fault { free, healthy, alarm } in &self.faults {
             let inside = |value: f32| value >= free.lower && value <= free.upper;
             if !(free.lower < free.upper && healthy < alarm && inside(*healthy) && inside(*alarm)) {
@@ -95,6 +101,9 @@ impl<const FAULTS: usize> Config<FAULTS> {
             }
             if Model::<f32>::reach(self.form, free.parameter) == Reach::Dynamics {
                 return Err(ConfigError::Reach(free.parameter));
+            }
+            if self.faults.iter().filter(|other| other.free.parameter == free.parameter).count() > 1 {
+                return Err(ConfigError::Twice(free.parameter));
             }
         }
         Ok(())

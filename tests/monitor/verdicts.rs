@@ -62,7 +62,7 @@ fn an_alarm_ends_when_the_fault_is_gone() {
 
 #[test]
 fn what_the_model_lacks_is_no_fault() {
-    // The monitor is told of an actuator that leaks; this one does not.
+    // The monitor is told of a torque motor that has lost 30 % of its gain; this one has not.
     let mut monitor = monitor();
     let parameters = Parameters { torque_motor_gain: 0.007, ..Parameters::default() };
     monitor.configure(&eha_monitor::monitor::config::Config { parameters, ..config() }).unwrap();
@@ -123,8 +123,14 @@ fn a_configuration_that_cannot_work_is_refused() {
     bad.faults[1].free.parameter = Parameter::LoadMass;
     assert!(monitor.configure(&bad).is_err());
     bad = good;
+    bad.faults[1] = bad.faults[0];
+    assert_eq!(monitor.configure(&bad), Err(ConfigError::Twice(Parameter::Backlash)));
+    bad = good;
     bad.parameters.load_mass = f32::NAN;
     assert_eq!(monitor.configure(&bad), Err(ConfigError::Parameter(Parameter::LoadMass)));
+    bad = good;
+    bad.parameters.sensor_delay = 0.05;
+    assert_eq!(monitor.configure(&bad), Err(ConfigError::Parameter(Parameter::SensorDelay)));
     bad = good;
     bad.parameters.step_load = 100.0;
     assert_eq!(monitor.configure(&bad), Err(ConfigError::Input));

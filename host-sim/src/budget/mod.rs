@@ -77,7 +77,8 @@ fn of_workload(machine: Machine, features: &[&str]) -> Result<BTreeMap<String, u
 fn of_monitor(machine: Machine, features: &[&str]) -> Result<BTreeMap<String, u64>, Failure> {
     let options = BuildOptions::for_machine(machine).with(Binary::Monitor, features);
     let footprint = options.build().and_then(|firmware| firmware.footprint()).map_err(Failure::other)?;
-    let outcome = Session::reference()?.run(Line::to_emulator(machine, features)?, |_| {})?;
+    let session = Session::reference()?;
+    let outcome = session.run(Line::to_emulator(machine, features, &session)?, |_| {})?;
     let log = outcome.log.ok_or_else(|| Failure::other("the monitor's run left no log"))?;
     ended_well(machine, log.exit_code)?;
     Ok(named("monitor", log.measures, &footprint))

@@ -1,5 +1,6 @@
 //! The line to the monitor: an emulated board's, or a serial port.
 
+use super::Session;
 use crate::emulator::{Binary, BuildOptions, Emulator, EmulatorError, Machine, RunLog};
 use crate::failure::Failure;
 use std::io::{Read, Write};
@@ -10,8 +11,12 @@ use std::time::{Duration, Instant};
 
 /// How long QEMU may take to connect.
 const CONNECT_LIMIT: Duration = Duration::from_secs(20);
-/// How long a serial port may say nothing before the run is ended.
+/// How long a serial port may say nothing, beyond what its monitor needs, before the run is ended.
 const SILENCE_LIMIT: Duration = Duration::from_secs(5);
+/// How long an emulated board may run, beyond its time on the windows of a session, and what that is: some 0.1 s each on a
+/// quiet host.
+const BOARD_LIMIT: Duration = Duration::from_mins(2);
+const WINDOW_LIMIT: Duration = Duration::from_secs(1);
 
 /// Both directions of a line.
 pub struct Line {
@@ -25,17 +30,19 @@ pub struct Line {
 }
 
 impl Line {
-    /// Builds the firmware for an emulated board, with further features, and starts it.
+    /// Builds the firmware for an emulated board, with further features, and starts it for a session.
     ///
     /// # Errors
     /// It does not build, or QEMU does not start.
-    pub fn to_emulator(machine: Machine, features: &[&str]) -> Result<Self, Failure> {
+    pub fn to_emulator(machine: Machine, features: &[&str], session: &Session) -> Result<Self, Failure> {
         let options = BuildOptions::for_machine(machine).with(Binary::Monitor, features);
         let firmware = options.build().map_err(Failure::other)?;
         let listener = TcpListener::bind(("127.0.0.1", 0)).map_err(Failure::other)?;
         listener.set_nonblocking(true).map_err(Failure::other)?;
         let port = listener.local_addr().map_err(Failure::other)?.port();
-        let board = thread::spawn(move || Emulator::new(machine).line(port).run(&firmware));
+        let windows = u32::try_from(session.windows()).unwrap_or(u32::MAX);
+        let emulator = Emulator::new(machine).time_limit(BOARD_LIMIT + WINDOW_LIMIT.saturating_mul(windows));
+        let board = thread::spawn(move || emulator.line(port).run(&firmware));
         let deadline = Instant::now() + CONNECT_LIMIT;
         let stream: TcpStream = loop {
             match listener.accept() {
@@ -62,14 +69,15 @@ impl Line {
         })
     }
 
-    /// Opens a serial port.
+    /// Opens a serial port for a session.
     ///
     /// # Errors
     /// The port cannot be opened.
-    pub fn to_port(path: &Path, baud: u32) -> Result<Self, Failure> {
+    pub fn to_port(path: &Path, baud: u32, session: &Session) -> Result<Self, Failure> {
         let wrong = |error| Failure::other(format!("{}: {error}", path.display()));
-        let port =
-            serialport::new(path.to_string_lossy(), baud).timeout(SILENCE_LIMIT).open().map_err(wrong)?;
+        // A report comes when the window after its own has been sent, at the latest.
+        let silence = SILENCE_LIMIT + 2 * session.window_duration();
+        let port = serialport::new(path.to_string_lossy(), baud).timeout(silence).open().map_err(wrong)?;
         let reader = port.try_clone().map_err(wrong)?;
         Ok(Self { reader: Box::new(reader), writer: Box::new(port), is_real_time: true, board: None })
     }

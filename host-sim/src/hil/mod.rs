@@ -59,6 +59,7 @@ fn refusal(error: ConfigError) -> String {
         ConfigError::Parameter(parameter) => {
             format!("refuses the value of `{}`, which is out of its range", name(parameter))
         }
+        ConfigError::Twice(parameter) => format!("watches `{}` once only", name(parameter)),
     }
 }
 
@@ -145,6 +146,16 @@ impl Session {
             seed: 1,
         };
         Ok(Self { config, samples: simulated.samples()?, damage: 0.0, seed: 1 })
+    }
+
+    /// Windows that its samples fill, the last one perhaps not.
+    fn windows(&self) -> usize {
+        self.samples.len().div_ceil(WINDOW)
+    }
+
+    /// How long a window is.
+    fn window_duration(&self) -> Duration {
+        Duration::from_secs_f32(WINDOW as f32 * self.config.sample_period)
     }
 
     /// Looks whether the firmware can run the model.

@@ -2,6 +2,7 @@
 
 use super::{BUILT_IN, CommandPath, Range, Rig, channel_named, parameter_named, unknown};
 use crate::failure::Failure;
+use crate::fit::MAX_FREE;
 use eha_monitor::channel::ChannelRole;
 use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::model::drive::Law;
@@ -211,16 +212,30 @@ fn parse(text: &str) -> Result<Rig, Failure> {
                 EFFECTS.iter().map(|entry| entry.name),
             )));
         };
+        if rig.effects.contains(&effect) {
+            return Err(Failure::usage(format!("[[effect]] `{}` is there twice", effect.name)));
+        }
         rig.effects.push(effect);
+    }
+    let declared = rig.declared().len();
+    if declared > MAX_FREE {
+        return Err(Failure::usage(format!(
+            "{declared} faults and free parameters: expected at most {MAX_FREE}"
+        )));
     }
     Ok(rig)
 }
 
 fn ranges(tables: Vec<RangeTable>) -> Result<Vec<Range>, Failure> {
-    tables
-        .into_iter()
-        .map(|table| Range::new(parameter_named(&table.name)?, table.lower, table.upper))
-        .collect()
+    let mut ranges: Vec<Range> = Vec::new();
+    for table in tables {
+        let range = Range::new(parameter_named(&table.name)?, table.lower, table.upper)?;
+        if ranges.iter().any(|known| known.parameter == range.parameter) {
+            return Err(Failure::usage(format!("`{}` is declared twice", table.name)));
+        }
+        ranges.push(range);
+    }
+    Ok(ranges)
 }
 
 /// The text of a rig file that [`read`] turns into the same rig, with each parameter's meaning beside it.
@@ -247,9 +262,7 @@ pub fn write(rig: &Rig, comments: &[String]) -> String {
     let _ = writeln!(text, "drive = {}", kebab(toml::Value::try_from(DriveName::from(rig.form.drive))));
     let _ = writeln!(text, "command-offset = {}", rig.command_offset);
     let _ = writeln!(text, "command-path = {}", kebab(toml::Value::try_from(rig.command_path)));
-    if rig.drive_holds {
-        let _ = writeln!(text, "drive-holds = true");
-    }
+    let _ = writeln!(text, "drive-holds = {}", rig.drive_holds);
     if let Some(restart) = rig.restart_s {
         let _ = writeln!(text, "restart-s = {restart:?}");
     }
@@ -291,6 +304,7 @@ pub fn write(rig: &Rig, comments: &[String]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use eha_monitor::parameter::{PARAMETERS, ParameterInfo};
 
     #[test]
     fn every_built_in_rig_survives_the_round_trip() {
@@ -306,11 +320,29 @@ mod tests {
                     limit: 10.0,
                     force_gain: 35.15,
                 });
-                rig.drive_holds = true;
+                // Not what a controller implies.
+                rig.drive_holds = false;
             }
             let text = write(&rig, &["a comment".to_owned()]);
             assert_eq!(parse(&text).unwrap(), rig, "{text}");
         }
+    }
+
+    #[test]
+    fn more_than_a_fit_can_free_is_refused() {
+        let free = |count: usize| -> String {
+            let tables = PARAMETERS[..count].iter();
+            let table = |info: &ParameterInfo| {
+                format!(
+                    "[[free]]\nname = \"{}\"\nlower = {:?}\nupper = {:?}\n",
+                    info.name, info.lower, info.upper
+                )
+            };
+            format!("fault = []\n{}", tables.map(table).collect::<String>())
+        };
+        assert_eq!(parse(&free(MAX_FREE)).unwrap().declared().len(), MAX_FREE);
+        let message = parse(&free(MAX_FREE + 1)).unwrap_err().to_string();
+        assert!(message.contains("17 faults and free parameters: expected at most 16"), "{message}");
     }
 
     #[test]
@@ -321,6 +353,14 @@ mod tests {
             ("base = \"ehb\"", "unknown base rig `ehb`; did you mean `eha`?"),
             ("[[fault]]\nname = \"fdj\"\nlower = 10.0\nupper = 1.0", "range 10 to 1 of `fdj`"),
             ("[noise]\nlvdt_m = 0.0", "noise of `lvdt_m` = 0"),
+            (
+                "[[fault]]\nname = \"fdj\"\nlower = 1.0\nupper = 9.0\n[[fault]]\nname = \"FDJ\"\nlower = 1.0\nupper = 9.0",
+                "`FDJ` is declared twice",
+            ),
+            (
+                "[[effect]]\nname = \"leakage\"\n[[effect]]\nname = \"leakage\"",
+                "[[effect]] `leakage` is there twice",
+            ),
             (
                 "base = \"force-axis\"\n[controller]\nposition-gain = 160.0\nvelocity-gain = -243.0\nlimit = 10.0\nforce-gain = 35.0",
                 "[controller] velocity-gain = -243: expected a positive number of V s/m",

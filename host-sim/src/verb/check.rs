@@ -33,9 +33,11 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     assignments(&mut rig.parameters, &options.at)?;
     let ranges = if rig.faults.is_empty() { rig.free.clone() } else { rig.faults.clone() };
     let records = options.input.read(common, &options.records)?;
+    records.iter().try_for_each(|record| super::check_inputs(&rig, record))?;
     let checked: Vec<Inspection> =
         records.into_iter().map(|record| Inspection::new(&rig, &ranges, record)).collect();
-    let result = json(common, &rig, &ranges, &checked);
+    let mut result = json(common, &rig, &ranges, &checked);
+    result["config"]["reading"] = options.input.json();
     if let Some(path) = output::out_path(common, "check.json") {
         output::write_file(&path, serde_json::to_string_pretty(&result).map_err(Failure::other)?.as_bytes())?;
         output::log(common, &format!("wrote {}", path.display()));

@@ -40,6 +40,11 @@ pub struct Options {}
 /// # Errors
 /// A file cannot be written.
 pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
+    if let Some(rig) = &common.rig {
+        return Err(Failure::usage(format!(
+            "--rig {rig}: `demo` is about the rig `{DEFAULT_RIG}`, expected no other"
+        )));
+    }
     interrupt::watch()?;
     let directory = common.out.clone().unwrap_or_else(|| DIRECTORY.into());
     let common = &Common { out: Some(directory.clone()), ..common.clone() };
@@ -47,7 +52,7 @@ pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
     let mut records = FLIGHTS
         .iter()
         .enumerate()
-        .map(|(index, (command, _))| fly(&rig, command, common.seed + index as u64))
+        .map(|(index, (command, _))| fly(&rig, command, common.seed.wrapping_add(index as u64)))
         .collect::<Result<Vec<_>, _>>()?;
     std::fs::create_dir_all(&directory).map_err(Failure::other)?;
     for record in &records {

@@ -52,7 +52,8 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         options.records.iter().chain(&options.holdout).map(|path| path.display().to_string()).collect();
     interrupt::watch()?;
     let mut job = Job { common, rig, train, holdout, record_notes, names };
-    let answer = job.run()?;
+    let mut answer = job.run()?;
+    answer.result["config"]["reading"] = options.input.json();
     job.save(&answer, options.prediction.as_deref())?;
     super::save_trace(common, options.trace.as_deref(), || job.trace(&answer.diagnosis))?;
     if common.json {

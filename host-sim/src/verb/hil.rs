@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::hil::line::Line;
 use crate::hil::stream::{Growth, Simulated, of_record};
 use crate::hil::{Outcome, Session};
-use crate::output::{self, number, quantity};
+use crate::output::{self, counted, number, quantity};
 use crate::rig::{CommandPath, Rig, parameter_named};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::problem::Free;
@@ -24,7 +24,7 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 pub struct Options {
     /// Record to stream; an actuator is simulated where none is given.
-    #[arg(value_name = "REC.csv")]
+    #[arg(value_name = "REC.csv", conflicts_with_all = ["command", "seconds", "set", "grow"])]
     record: Option<PathBuf>,
     #[command(flatten)]
     input: InputOptions,
@@ -32,10 +32,10 @@ pub struct Options {
     #[arg(long, value_enum, default_value = "mps2-an500")]
     machine: Machine,
     /// Serial port in place of the emulated board.
-    #[arg(long, value_name = "DEVICE")]
+    #[arg(long, value_name = "DEVICE", conflicts_with = "machine")]
     port: Option<PathBuf>,
     /// Speed of the serial port.
-    #[arg(long, default_value_t = 921_600)]
+    #[arg(long, default_value_t = 921_600, requires = "port")]
     baud: u32,
     /// Command of the simulated actuator.
     #[arg(long, default_value = "mixed")]
@@ -86,10 +86,10 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         );
     }
     let (line, name) = if let Some(port) = &options.port {
-        (Line::to_port(port, options.baud)?, port.display().to_string())
+        (Line::to_port(port, options.baud, &session)?, port.display().to_string())
     } else {
         output::log(common, &format!("{}: building and starting the firmware", options.machine.name()));
-        (Line::to_emulator(options.machine, &[])?, options.machine.name().to_owned())
+        (Line::to_emulator(options.machine, &[], &session)?, options.machine.name().to_owned())
     };
     let mut failed = None;
     if !common.json {
@@ -108,6 +108,12 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     }
     if outcome.is_identical {
         Ok(())
+    } else if outcome.status.is_none() {
+        Err(Failure::other(format!(
+            "the firmware fell silent after {} of {}",
+            outcome.reports.len(),
+            counted(outcome.twin.len(), "report")
+        )))
     } else {
         Err(Failure::other("the firmware's answer differs from that of the same monitor on this host"))
     }
@@ -120,6 +126,9 @@ fn session(common: &Common, options: &Options, rig: &Rig) -> Result<Session, Fai
     let samples = if let Some(path) = &options.record {
         let records = options.input.read(common, std::slice::from_ref(path))?;
         let record = records.first().ok_or_else(|| Failure::data("no record"))?;
+        if record.channel(Channel::Load).is_some() {
+            output::log(common, "warning: the monitor has no input for a load: load_N is not sent");
+        }
         sample_period = record.sample_period_s();
         let estimated = crate::fit::noise_of(rig, record);
         noise[0] = noise[0].or(Some(estimated[0]));

@@ -127,6 +127,8 @@ pub(super) fn json(common: &Common, fitted: &Fitted, list: &str) -> Value {
         })),
         "config": output::config_json(common, &fitted.rig, &fitted.ranges, &fitted.names),
     });
+    result["config"]["reading"] = fitted.reading.clone();
+    result["config"]["search"] = fitted.search.clone();
     result[list] = fit.estimates.iter().map(output::estimate_json).collect();
     result
 }

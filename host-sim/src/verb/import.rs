@@ -29,6 +29,6 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let comments =
         [format!("imported from {} by host-sim {}", options.file.display(), env!("CARGO_PKG_VERSION"))];
     let path = options.output.clone().or_else(|| output::out_path(common, output::RECORD_FILE));
-    let config = json!({ "file": options.file.display().to_string(), "columns": options.input.columns });
+    let config = json!({ "file": options.file.display().to_string(), "reading": options.input.json() });
     output::record(common, &record, &comments, path.as_deref(), config)
 }

@@ -20,12 +20,16 @@ use crate::fit::{self, Fit, FitSettings, NoiseSource, OnPath, Prepared};
 use crate::inspect::screen::{Screened, screen};
 use crate::interrupt;
 use crate::output;
-use crate::record::{self, Loaded, Mapping, ReadOptions, Record};
+use crate::record::{self, Loaded, Mapping, Problem, ReadOptions, Record, RecordError};
 use crate::rig::{BUILT_IN, Range, Rig, parameter_named};
 use crate::trace::{TRACE_FILE, Trace};
 use clap::Args;
+use eha_monitor::channel::Channel;
 use eha_monitor::fit::identify::StopReason;
+use eha_monitor::model::Drive;
+use eha_monitor::model::sensor::Lvdt;
 use eha_monitor::parameter::{Parameter, Parameters};
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// How the files of records are read.
@@ -75,6 +79,11 @@ impl InputOptions {
             .collect()
     }
 
+    /// The same as JSON, for the configuration of a result.
+    fn json(&self) -> Value {
+        json!({ "columns": self.columns, "rate_Hz": self.rate, "from_s": self.from, "to_s": self.to })
+    }
+
     /// The records alone, as they are.
     ///
     /// # Errors
@@ -96,6 +105,7 @@ impl InputOptions {
         let mut all_notes = Vec::new();
         let mut records = Vec::new();
         for Loaded { record, warnings } in self.load(common, paths)? {
+            check_inputs(rig, &record)?;
             let Screened { record, notes, .. } = screen(rig, &record);
             log_warnings(common, &notes);
             records.push(record);
@@ -104,6 +114,36 @@ impl InputOptions {
         }
         Ok((records, all_notes))
     }
+}
+
+/// Refuses a sensor's delay that the model cannot hold.
+fn check_delay(rig: &Rig, sample_period: f64) -> Result<(), Failure> {
+    let (delay, longest) = (rig.parameters.sensor_delay, Lvdt::longest_delay(sample_period));
+    if delay > longest {
+        return Err(Failure::usage(format!(
+            "`sensor_delay` = {delay}: expected at most {longest} s with a sample every {sample_period} s"
+        )));
+    }
+    Ok(())
+}
+
+/// Refuses a record that lacks what drives a rig, or whose sampling does not suit it.
+fn check_inputs(rig: &Rig, record: &Record) -> Result<(), Failure> {
+    check_delay(rig, record.sample_period_s())?;
+    let is_driven = rig.form.drive == Drive::Valve || rig.controller.is_some();
+    if is_driven || record.channel(Channel::Drive).is_some() {
+        return Ok(());
+    }
+    let columns = record.channels().map(|(channel, _)| channel.info().column.to_owned());
+    let problem = Problem::Missing {
+        expected: Channel::Drive.info().column.to_owned(),
+        present: columns.collect(),
+        hint: Some(format!(
+            "the rig `{}` is driven by a force, and has no [controller] that gives it",
+            rig.name
+        )),
+    };
+    Err(RecordError::new(record.name(), problem).into())
 }
 
 fn log_warnings(common: &Common, warnings: &[String]) {
@@ -224,6 +264,9 @@ struct Fitted {
     fit: Fit,
     path_open: bool,
     population: usize,
+    /// How the records were read, and the search: as in the configuration of the result.
+    reading: Value,
+    search: Value,
     names: Vec<String>,
     trace: Option<PathBuf>,
 }
@@ -259,6 +302,8 @@ fn fit_records(
         fit,
         path_open,
         population,
+        reading: options.input.json(),
+        search: json!({ "population": options.population, "budget": options.budget }),
         names,
         trace: options.trace.clone(),
     })

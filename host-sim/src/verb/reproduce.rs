@@ -2,7 +2,7 @@
 //! findings about the search checked.
 //!
 //! To close the loop, `diagnose` sees two records of the *healthy* actuator and predicts a third. What it adds to the
-//! monitor's model is then used for all twelve cases.
+//! monitor's model is then used for all twelve cases; or the user's rig is, which such a diagnosis wrote before.
 
 use super::diagnose::Job;
 use crate::cli::Common;
@@ -19,8 +19,8 @@ use eha_monitor::channel::Channel;
 use eha_monitor::fit::problem::{Free, Problem};
 use eha_monitor::ga::{Settings as SearchSettings, SteadyState};
 use eha_monitor::integrate::exact::Exact;
-use eha_monitor::model::Form;
 use eha_monitor::model::state::{BASE_ORDER, Outputs};
+use eha_monitor::model::{Drive, Form};
 use eha_monitor::parameter::Parameter;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -58,7 +58,11 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     interrupt::watch()?;
     let started = Instant::now();
     let monitor: Rig = (BUILT_IN[0].make)();
-    let augmented = if options.lf_data { None } else { Some(closed_loop(common)?) };
+    let augmented = match &common.rig {
+        Some(name) => Some(of_the_source(Rig::load(name)?)?),
+        None if options.lf_data => None,
+        None => Some(closed_loop(common)?),
+    };
     let bar = output::bar(common, CASES.len() as u64, "reproducing");
     let results: Vec<Outcome> = CASES
         .par_iter()
@@ -92,7 +96,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         .collect();
     let result = json!({
         "schema": SCHEMA, "cases": cases, "added_effects": effects, "findings": findings_json, "seconds": seconds, "seed": common.seed,
-        "config": { "version": env!("CARGO_PKG_VERSION"), "seed": common.seed, "data": if options.lf_data { "lf" } else { "hf" },
+        "config": { "version": env!("CARGO_PKG_VERSION"), "seed": common.seed, "rig": common.rig, "data": if options.lf_data { "lf" } else { "hf" },
                     "samples": SAMPLES, "plant_step_s": PLANT_STEP, "channels": ["lvdt_m", "current_mA"] },
     });
     if let Some(path) = output::out_path(common, "reproduce.json") {
@@ -110,7 +114,11 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     }
     if let Some(rig) = &augmented {
         let names: Vec<&str> = rig.effects.iter().map(|effect| effect.name).collect();
-        output::print(&format!("after: with what two healthy records reveal: {}", names.join(", ")))?;
+        let names = if names.is_empty() { "no effect".to_owned() } else { names.join(", ") };
+        output::print(&match &common.rig {
+            Some(given) => format!("after: with the rig {given}: {names}"),
+            None => format!("after: with what two healthy records reveal: {names}"),
+        })?;
     }
     print_cases(&results)?;
     if !findings.is_empty() {
@@ -213,6 +221,17 @@ fn portraits() -> Result<Vec<Portrait>, Failure> {
         .collect()
 }
 
+/// A rig that the source's cases can be fitted with.
+fn of_the_source(rig: Rig) -> Result<Rig, Failure> {
+    match rig.form.drive {
+        Drive::Valve => Ok(rig),
+        Drive::Force => Err(Failure::usage(format!(
+            "rig `{}` is driven by a force: the source's cases have none, expected a valve",
+            rig.name
+        ))),
+    }
+}
+
 /// The monitor's rig with what two healthy HF records reveal, validated on a third.
 fn closed_loop(common: &Common) -> Result<Rig, Failure> {
     let healthy = |command: &str, seed: u64| {
@@ -226,8 +245,8 @@ fn closed_loop(common: &Common) -> Result<Rig, Failure> {
     let mut job = Job {
         common,
         rig: (BUILT_IN[0].make)(),
-        train: vec![healthy("chirp", common.seed)?, healthy("mixed", common.seed + 1)?],
-        holdout: vec![healthy("mixed-step", common.seed + 2)?],
+        train: vec![healthy("chirp", common.seed)?, healthy("mixed", common.seed.wrapping_add(1))?],
+        holdout: vec![healthy("mixed-step", common.seed.wrapping_add(2))?],
         record_notes: Vec::new(),
         names: Vec::new(),
     };
@@ -349,8 +368,9 @@ impl Variant {
         let records = [prepared.as_core()];
         let problem = Problem { form: rig.form, parameters: rig.parameters, free: &free, records: &records };
         let mut stepper = Exact::<f64, BASE_ORDER, 32>::new();
-        let mut errors: Vec<f64> = (first_seed..first_seed + SEEDS)
-            .map(|seed| {
+        let mut errors: Vec<f64> = (0..SEEDS)
+            .map(|index| {
+                let seed = first_seed.wrapping_add(index);
                 let settings = SearchSettings { population: self.population, ..SearchSettings::default() };
                 let mut search =
                     SteadyState::<f64, 2, { fit::MAX_POPULATION }>::new(settings, free.len(), seed);

@@ -1,11 +1,11 @@
 //! `simulate`: a record from the HF or the LF model.
 
-use super::{assignments, set};
+use super::{assignments, check_delay, set};
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::output;
 use crate::plant::{self, Excitation, Sensing};
-use crate::record::read_csv;
+use crate::record::{Record, read_csv};
 use crate::rig::{Rig, channel_named, unknown};
 use clap::ValueEnum;
 use eha_monitor::channel::{Channel, ChannelRole};
@@ -45,12 +45,12 @@ pub struct Options {
     /// Chirp: duration of the sweep, s.
     #[arg(long, value_name = "S")]
     sweep: Option<f64>,
-    /// Duration, s.
-    #[arg(long, default_value_t = 1.0, value_name = "S")]
-    duration: f64,
-    /// Sample period, s.
-    #[arg(long, default_value_t = 1e-3, value_name = "S")]
-    period: f64,
+    /// Duration, s; 1 by default.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    duration: Option<f64>,
+    /// Sample period, s; 0.001 by default.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    period: Option<f64>,
     /// Longest step of the integration, s.
     #[arg(long, default_value_t = 1e-6, value_name = "S")]
     step: f64,
@@ -107,28 +107,28 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
             set(&mut rig.parameters, parameter, number(text, value)?)?;
         }
     }
-    let mut excitation = excitation(options, &rig)?;
-    let outputs = plant::run(&rig, &excitation, positive("step", options.step)?);
-    if let Some(law) = &rig.controller {
-        excitation.drive = plant::asked(law, &excitation, &outputs);
+    if !(0.0..1.0).contains(&options.dropout) {
+        return Err(Failure::usage(format!("--dropout {}: expected 0 to below 1", options.dropout)));
     }
     let sensing = Sensing {
         noise: channel_values(&options.noise)?,
         quantum: channel_values(&options.quantum)?,
         dropout: options.dropout,
     };
-    if !(0.0..1.0).contains(&options.dropout) {
-        return Err(Failure::usage(format!("--dropout {}: expected 0 to below 1", options.dropout)));
+    let wanted = options.channels.iter().map(|column| measured(column)).collect::<Result<Vec<_>, _>>()?;
+    let step = positive("step", options.step)?;
+    let Asked { mut excitation, command } = asked(options, &rig)?;
+    check_delay(&rig, excitation.sample_period)?;
+    let outputs = plant::run(&rig, &excitation, step);
+    if let Some(law) = &rig.controller {
+        excitation.drive = plant::asked(law, &excitation, &outputs);
     }
     let record = plant::record("simulation", rig.form, &excitation, &outputs, &sensing, common.seed)
         .map_err(|failure| Failure::usage(format!("these options make no record: {failure}")))?;
-    let record = if options.channels.is_empty() { record } else { keep(&record, &options.channels)? };
+    let record = if wanted.is_empty() { record } else { keep(&record, &wanted)? };
     let mut comments = vec![
         format!("host-sim {} simulate, seed {}", env!("CARGO_PKG_VERSION"), common.seed),
-        format!(
-            "rig {}, model {:?}, command {}, step {} s",
-            rig.name, options.model, options.command, options.step
-        ),
+        format!("rig {}, model {:?}, step {} s, command {command}", rig.name, options.model, options.step),
     ];
     for (parameter, value) in rig.changed() {
         comments.push(format!("{} = {value} {}", parameter.info().name, parameter.info().unit));
@@ -138,14 +138,24 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
             comments.push(format!("{what} of {} = {value} {}", channel.info().column, channel.info().unit));
         }
     }
+    if sensing.dropout > 0.0 {
+        comments.push(format!("chance of a lost sample = {}", sensing.dropout));
+    }
+    if let Some(load) = &options.load {
+        comments.push(format!("load {load}"));
+    }
     let path = options.output.clone().or_else(|| output::out_path(common, output::RECORD_FILE));
     let config = json!({
         "rig": rig.name,
         "model": format!("{:?}", options.model),
         "parameters": rig.changed().into_iter().map(|(parameter, value)| (parameter.info().name.to_owned(), json!(value))).collect::<Map<_, _>>(),
-        "command": options.command,
-        "step_s": options.step,
+        "command": command,
+        "samples": excitation.command.len(),
+        "sample_period_s": excitation.sample_period,
+        "load": options.load,
+        "step_s": step,
         "dropout": options.dropout,
+        "channels": record.channels().map(|(channel, _)| channel.info().column).collect::<Vec<_>>(),
         "noise": channel_json(&sensing.noise),
         "quantum": channel_json(&sensing.quantum),
     });
@@ -197,31 +207,40 @@ fn measured(column: &str) -> Result<Channel, Failure> {
     }
 }
 
-fn keep(record: &crate::record::Record, columns: &[String]) -> Result<crate::record::Record, Failure> {
-    let mut wanted = vec![Channel::UserPosition];
-    for column in columns {
-        wanted.push(measured(column)?);
-    }
+/// A record with the inputs, the user position and the channels that are wanted.
+fn keep(record: &Record, wanted: &[Channel]) -> Result<Record, Failure> {
+    let is_kept = |channel: Channel| {
+        channel.info().role == ChannelRole::Input
+            || channel == Channel::UserPosition
+            || wanted.contains(&channel)
+    };
     let channels = record
         .channels()
-        .filter(|(channel, _)| channel.info().role == ChannelRole::Input || wanted.contains(channel))
+        .filter(|(channel, _)| is_kept(*channel))
         .map(|(channel, values)| (channel, values.to_vec()))
         .collect();
-    Ok(crate::record::Record::new(record.name(), record.sample_period_s(), record.start_time_s(), channels)?)
+    Ok(Record::new(record.name(), record.sample_period_s(), record.start_time_s(), channels)?)
+}
+
+/// What is flown.
+struct Asked {
+    excitation: Excitation,
+    /// The command in words.
+    command: String,
 }
 
 /// The command of a name or of a record, the load, and for a rig that is driven by a force without a known controller
 /// the force.
-fn excitation(options: &Options, rig: &Rig) -> Result<Excitation, Failure> {
+fn asked(options: &Options, rig: &Rig) -> Result<Asked, Failure> {
     let from_name = CommandInfo::named(&options.command);
-    let mut excitation = match from_name {
+    let (mut excitation, command) = match from_name {
         Some(info) => {
-            let period = positive("period", options.period)?;
-            let samples = (positive("duration", options.duration)? / period).round() + 1.0;
+            let period = positive("period", options.period.unwrap_or(1e-3))?;
+            let duration = positive("duration", options.duration.unwrap_or(1.0))?;
+            let samples = (duration / period).round() + 1.0;
             if samples > MAX_SAMPLES {
                 return Err(Failure::usage(format!(
-                    "--duration {} at --period {period}: {samples:e} samples, expected at most {MAX_SAMPLES:e}",
-                    options.duration
+                    "--duration {duration} at --period {period}: {samples:e} samples, expected at most {MAX_SAMPLES:e}"
                 )));
             }
             let mut command = Command::<f64>::new(info);
@@ -230,22 +249,42 @@ fn excitation(options: &Options, rig: &Rig) -> Result<Excitation, Failure> {
             command.end_frequency = options.end_frequency.unwrap_or(command.end_frequency);
             command.sweep =
                 positive("sweep", options.sweep.unwrap_or(if info.sweep > 0.0 { info.sweep } else { 1.0 }))?;
-            Excitation {
+            let excitation = Excitation {
                 sample_period: period,
                 command: (0..samples as usize).map(|sample| command.at(sample as f64 * period)).collect(),
                 load: Vec::new(),
                 drive: Vec::new(),
-            }
+            };
+            let words = format!(
+                "{}, amplitude {}, frequency {} Hz, end frequency {} Hz, sweep {} s",
+                info.name, command.amplitude, command.frequency, command.end_frequency, command.sweep
+            );
+            (excitation, words)
         }
         None if options.command.to_ascii_lowercase().ends_with(".csv") => {
+            let shapes = [
+                ("amplitude", options.amplitude),
+                ("frequency", options.frequency),
+                ("end-frequency", options.end_frequency),
+                ("sweep", options.sweep),
+                ("duration", options.duration),
+                ("period", options.period),
+            ];
+            if let Some((name, _)) = shapes.iter().find(|(_, value)| value.is_some()) {
+                return Err(Failure::usage(format!(
+                    "--{name} shapes a built-in command: {} is flown as it is",
+                    options.command
+                )));
+            }
             let record = read_csv(&PathBuf::from(&options.command))?.record;
             let values = |channel| record.channel(channel).map(<[f64]>::to_vec).unwrap_or_default();
-            Excitation {
+            let excitation = Excitation {
                 sample_period: record.sample_period_s(),
                 command: values(Channel::Command),
                 load: values(Channel::Load),
                 drive: values(Channel::Drive),
-            }
+            };
+            (excitation, format!("of {}", options.command))
         }
         None => {
             return Err(Failure::usage(unknown(
@@ -274,7 +313,7 @@ fn excitation(options: &Options, rig: &Rig) -> Result<Excitation, Failure> {
             )));
         }
     }
-    Ok(excitation)
+    Ok(Asked { excitation, command })
 }
 
 fn load(text: &str, samples: usize, period: f64) -> Result<Vec<f64>, Failure> {
@@ -298,5 +337,8 @@ fn load(text: &str, samples: usize, period: f64) -> Result<Vec<f64>, Failure> {
         }
         _ => return Err(wrong()),
     };
+    if fields.next().is_some() {
+        return Err(wrong());
+    }
     Ok((0..samples).map(|sample| profile(sample as f64 * period)).collect())
 }

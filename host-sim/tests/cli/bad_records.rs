@@ -107,3 +107,16 @@ fn a_result_that_cannot_be_written_is_a_failure() {
     let run = bench.run(&["identify", "good.csv", "--out", "good.csv/results"]);
     run.refused(1, &["cannot write", "good.csv/results"]);
 }
+
+#[test]
+fn a_record_without_the_force_that_drives_the_rig_is_refused() {
+    let bench = Bench::new();
+    bench.write("bad.csv", &record(100, row));
+    for verb in ["identify", "calibrate", "diagnose", "check"] {
+        let run = bench.run(&[verb, "bad.csv", "--rig", "force-axis"]);
+        run.refused(
+            BAD_DATA,
+            &["bad.csv: `drive_N` is missing", "found `command_m`, `lvdt_m`", "force-axis"],
+        );
+    }
+}

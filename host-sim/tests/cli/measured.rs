@@ -2,7 +2,6 @@
 
 use super::harness::{Bench, named, number};
 use crate::measured_data;
-use std::path::Path;
 
 /// Largest residual of a calibrated `servo-hydraulic` rig on the record below, m rms (measured: 26.0 um).
 const MTS_BAR: f64 = 27e-6;
@@ -48,10 +47,4 @@ fn an_axis_that_a_force_drives_is_calibrated() {
         let value = number(&named(&result["parameters"], name)["value"]);
         assert!((value / published - 1.0).abs() < tolerance, "{name}: {value}, published {published}");
     }
-}
-
-#[test]
-fn data_that_are_absent_are_no_failure() {
-    assert!(!Path::new("mts/none.csv").exists());
-    assert!(measured_data::file("mts/none.csv").is_none());
 }

@@ -58,3 +58,21 @@ fn out_writes_what_json_prints() {
     let written: Value = serde_json::from_str(&bench.read("reproduce.json")).expect("JSON");
     assert_eq!(written, run.json());
 }
+
+#[test]
+fn the_rig_that_a_diagnosis_wrote_brings_the_cases_within_one_percent() {
+    let bench = Bench::new();
+    bench
+        .write("rig.toml", "[parameters]\nmetering_blend = 1.0\n[[effect]]\nname = \"turbulent-metering\"\n");
+    let run = |rig: &str| bench.run(&["reproduce", "--cases-only", "--json", "--rig", rig]).done().json();
+    let worst = |result: &Value, side: &str| {
+        let errors = cases(result).iter().map(|case| number(&case[side]["mean_error_percent"]));
+        errors.fold(0.0, f64::max)
+    };
+    let (augmented, plain) = (run("rig.toml"), run("eha"));
+    assert!(worst(&augmented, "after") <= 1.0, "{augmented}");
+    assert_eq!(augmented["added_effects"], json!(["turbulent-metering"]));
+    // The control: the rig as it was leaves both columns the same.
+    assert!(worst(&plain, "after") > 10.0, "{plain}");
+    assert_eq!(worst(&plain, "after"), worst(&plain, "before"));
+}
