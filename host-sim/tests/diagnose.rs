@@ -41,7 +41,7 @@ fn csv(columns: &[(&str, &Vec<f64>)]) -> String {
     for (name, _) in columns {
         write!(text, ",{name}").unwrap();
     }
-    for sample in 0..SAMPLES {
+    for sample in 0..columns[0].1.len() {
         write!(text, "\n{}", sample as f64 / 1000.0).unwrap();
         for (_, values) in columns {
             write!(text, ",{}", values[sample]).unwrap();
@@ -261,6 +261,26 @@ fn a_held_out_record_that_is_not_explained_asks_for_another_effect() {
         assert!(class(&result).iter().any(|name| name == effect), "{effect}: {:?}", class(&result));
     }
     assert!(result["error"]["holdout"]["after_rms_m"].as_f64().unwrap() < 1.5 * noise, "{result:#}");
+}
+
+/// Longer than the excerpts of a record that are searched, which are 6 s together.
+#[test]
+fn a_load_that_steps_late_in_a_long_record_is_named() {
+    let samples = 18_000;
+    let mut plant = faulty();
+    (plant.effects.step_load, plant.effects.step_load_time) = (600.0, 11.3);
+    let flown = |command: &Command| match command {
+        Command::MixedStep => plant.record(&Command::Sine { amplitude: 2e-3, frequency: 0.7 }, samples),
+        Command::Mixed => plant.record(&Command::Sine { amplitude: 5e-3, frequency: 1.3 }, samples),
+        _ => plant.record(&Command::Sine { amplitude: 8e-3, frequency: 0.4 }, samples),
+    };
+    let result = diagnose_flown(flown, 1);
+    assert_eq!(result["verdict"], "explained", "{result:#}");
+    assert_eq!(class(&result)[0], "step-load");
+    let time = &result["effects"][0]["parameters"][1];
+    assert_eq!(time["name"], "step_load_time");
+    assert!((time["value"].as_f64().unwrap() - 11.3).abs() < 5e-3, "{time}");
+    faults_are_right(&result, 4.0, "step-load");
 }
 
 #[test]
