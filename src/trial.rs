@@ -21,6 +21,16 @@ pub struct SensorNoise<T> {
     pub current: T,
 }
 
+macro_rules! typical {
+    ($($scalar:ty),*) => {
+        $(impl SensorNoise<$scalar> {
+            /// Of the sensors that the design assumes.
+            pub const TYPICAL: Self = Self { user: 5e-6, current: 0.02 };
+        })*
+    };
+}
+typical!(f32, f64);
+
 /// Samples of command, user position and current, `COUNT` of each, from rest at 0 m.
 #[derive(Clone, Debug)]
 pub struct Samples<T, const COUNT: usize> {

@@ -25,6 +25,7 @@ pub mod rig;
 pub mod thesis;
 pub mod trace;
 pub mod verb;
+mod whole_file;
 
 use cli::{Cli, Verb};
 use failure::Failure;

@@ -6,6 +6,7 @@ use crate::fit::{Estimate, Fit, NoiseSource, Standing};
 use crate::record::{Record, write_csv};
 use crate::report::REPORT_FILE;
 use crate::rig::{CommandPath, Range, Rig};
+use crate::whole_file;
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::identify::StopReason;
@@ -89,14 +90,7 @@ pub fn write_file(path: &Path, content: &[u8]) -> Result<(), Failure> {
     let fail = |error: std::io::Error| Failure::other(format!("cannot write {}: {error}", path.display()));
     let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     std::fs::create_dir_all(directory).map_err(fail)?;
-    let mut builder = tempfile::Builder::new();
-    // As a file that is made in place: readable by whoever the user's mask allows.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.tempfile_in(directory).map_err(fail)?;
-    file.write_all(content).map_err(fail)?;
-    file.persist(path).map_err(|error| fail(error.error))?;
-    Ok(())
+    whole_file::save(path, |out| out.write_all(content)).map_err(fail)
 }
 
 /// Writes the report into the output directory, if there is one; `make` is not called otherwise.

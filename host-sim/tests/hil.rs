@@ -3,7 +3,7 @@
 
 use eha_monitor::integrate::exact::Exact;
 use eha_monitor::link::message::{FromMonitor, ReportMessage};
-use eha_monitor::link::station::Station;
+use eha_monitor::link::station::{POPULATION, Station, WINDOW};
 use eha_monitor::model::state::BASE_ORDER;
 use eha_monitor::monitor::report::Verdict;
 use eha_monitor::parameter::Parameters;
@@ -11,7 +11,7 @@ use host_sim::emulator::Machine;
 use host_sim::failure::Failure;
 use host_sim::hil::line::Line;
 use host_sim::hil::stream::Simulated;
-use host_sim::hil::{Outcome, Session, WINDOW};
+use host_sim::hil::{Outcome, Session};
 use serde_json::Value;
 use serialport::{SerialPort as _, TTYPort};
 use std::io::{Read as _, Write as _};
@@ -130,7 +130,8 @@ fn a_serial_port_is_served_in_real_time() {
     let name = port.name().expect("its name");
     board.set_timeout(std::time::Duration::from_secs(4)).expect("a time limit");
     let station = thread::spawn(move || {
-        let mut station = Box::new(Station::<Exact<f32, BASE_ORDER, 8>, WINDOW, 20>::new(Exact::new()));
+        let mut station =
+            Box::new(Station::<Exact<f32, BASE_ORDER, 8>, WINDOW, POPULATION>::new(Exact::new()));
         let mut buffer = [0; 256];
         while let Ok(count) = board.read(&mut buffer) {
             for &byte in &buffer[..count] {

@@ -7,6 +7,11 @@ use crate::monitor::Monitor;
 use crate::monitor::report::Report;
 use crate::monitor::sample::Sample;
 
+/// Samples in a window of the firmware's monitor, and of the host's twin of it: 1 s at 1 kHz.
+pub const WINDOW: usize = 1000;
+/// Members of the population of both.
+pub const POPULATION: usize = 20;
+
 /// A monitor and its end of the line.
 #[derive(Debug)]
 pub struct Station<S, const SAMPLES: usize, const POPULATION: usize> {

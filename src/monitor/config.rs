@@ -9,7 +9,7 @@ use crate::trial::SensorNoise;
 /// Noise of a position sensor below which the model's own error would count, m.
 const LEAST_USER_NOISE: f32 = 1e-7;
 /// The same for a current, mA.
-const LEAST_CURRENT_NOISE: f32 = 1e-4;
+const LEAST_CURRENT_NOISE: f32 = 1e-3;
 
 /// A fault that is watched.
 #[derive(Clone, Copy, Debug, PartialEq)]

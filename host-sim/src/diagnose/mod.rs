@@ -204,8 +204,14 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Di
         return diagnosis;
     }
     let is_known = case.known_noise.map(|noise| noise.is_some());
-    let records: Vec<Prepared> =
-        case.records.iter().map(|record| record.coloured(colour, is_known)).collect();
+    // A filter shares less over a longer period.
+    let period = case.train()[0].sample_period;
+    let colour_at = |other: f64| colour.map(|shared| shared.powf(other / period));
+    let records: Vec<Prepared> = case
+        .records
+        .iter()
+        .map(|record| record.coloured(colour_at(record.sample_period), is_known))
+        .collect();
     let known_noise = std::array::from_fn(|channel| {
         case.known_noise[channel].map(|noise| noise * fit::as_white(colour[channel]))
     });

@@ -96,7 +96,8 @@ pub fn gains(records: &[Prepared], before: &[Vec<Outputs<f64>>], after: &[Vec<Ou
     gains
 }
 
-/// Tests the residual of a channel; none where no record has it.
+/// Tests the residual of a channel; none where no record has it. A short one is tested on as many lags as a quarter of its
+/// samples.
 pub fn test(all: &[Vec<f64>]) -> Option<ChannelResidual> {
     let mut power = 0.0;
     let mut count = 0;
@@ -114,13 +115,14 @@ pub fn test(all: &[Vec<f64>]) -> Option<ChannelResidual> {
             }
         }
     }
-    if count <= 2 * LAGS {
+    let lags = LAGS.min(count / 4);
+    if lags == 0 {
         return None;
     }
     let mean_square = power / count as f64;
     let mut statistic = 0.0;
     let mut shared = 0.0;
-    for lag in 1..=LAGS {
+    for lag in 1..=lags {
         let covariance = products[lag] / pairs[lag].max(1) as f64;
         let correlation = if mean_square > 0.0 { covariance / mean_square } else { 0.0 };
         statistic += correlation * correlation * pairs[lag] as f64;
@@ -131,8 +133,8 @@ pub fn test(all: &[Vec<f64>]) -> Option<ChannelResidual> {
     Some(ChannelResidual {
         rms: mean_square.sqrt(),
         coloured_rms: shared.max(0.0).sqrt(),
-        // Chi-square with LAGS degrees of freedom: mean LAGS, variance 2 LAGS.
-        colour_sigma: (statistic - LAGS as f64) / (2.0 * LAGS as f64).sqrt(),
+        // Chi-square with as many degrees of freedom as lags: that is its mean, and half of its variance.
+        colour_sigma: (statistic - lags as f64) / (2.0 * lags as f64).sqrt(),
         count,
     })
 }

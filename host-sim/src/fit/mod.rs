@@ -12,8 +12,8 @@ mod systematic;
 pub use closed_loop::{LoopScore, loop_score};
 pub use colour::{as_white, colour_of};
 pub use noise::{
-    MODEL_ERROR, NoiseSource, SMALLEST_NOISE, correlation_time, differences, noise_of, noise_of_series,
-    noise_source, pooled, quantum, residual_series, rms,
+    MODEL_ERROR, NoiseSource, SMALLEST_NOISE, TYPICAL_NOISE, correlation_time, differences, noise_of,
+    noise_of_series, noise_source, pooled, quantum, residual_series, rms,
 };
 pub use periodogram::periodograms;
 pub use polish::{Polished, approach, foresee, misfit, misfit_within, polish};
@@ -272,8 +272,9 @@ pub fn fit_on_path(
     };
     let mut curve = fit(&curved_rig, ranges, &curved_records, settings, watch);
     let (evaluations, seconds) = (lines.evaluations + curve.evaluations, lines.seconds + curve.seconds);
+    let generations = lines.generations + curve.generations;
     for fit in [&mut lines, &mut curve] {
-        (fit.evaluations, fit.seconds) = (evaluations, seconds);
+        (fit.evaluations, fit.generations, fit.seconds) = (evaluations, generations, seconds);
     }
     if !curve.interrupted && is_curve(&lines.misfit, &curve.misfit) {
         return OnPath { rig: curved_rig, records: curved_records, fit: curve, is_open: false };

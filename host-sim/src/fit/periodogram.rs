@@ -1,4 +1,4 @@
-//! Power over frequency of pieces of a series.
+//! Power over frequency of pieces of a series, and what its transform tells of the whole.
 
 use realfft::RealFftPlanner;
 use std::f64::consts::TAU;
@@ -28,4 +28,32 @@ pub fn periodograms(all: &[Vec<f64>], length: usize) -> Vec<Vec<f64>> {
         }
     }
     pieces
+}
+
+/// Sums of the products of series with themselves so many samples later as the index says; NaN adds nothing.
+pub(super) fn autocorrelations(all: &[Vec<f64>]) -> Vec<f64> {
+    let longest = all.iter().map(Vec::len).max().unwrap_or(0);
+    // As much again of nothing: the end does not meet the beginning.
+    let length = (2 * longest).next_power_of_two();
+    let mut planner = RealFftPlanner::<f64>::new();
+    let (forward, inverse) = (planner.plan_fft_forward(length), planner.plan_fft_inverse(length));
+    let mut power = forward.make_output_vec();
+    for one in all {
+        let mut input = vec![0.0; length];
+        for (slot, value) in input.iter_mut().zip(one).filter(|(_, value)| value.is_finite()) {
+            *slot = *value;
+        }
+        let mut lines = forward.make_output_vec();
+        if forward.process(&mut input, &mut lines).is_ok() {
+            for (sum, line) in power.iter_mut().zip(lines) {
+                sum.re += line.norm_sqr();
+            }
+        }
+    }
+    let mut products = inverse.make_output_vec();
+    if inverse.process(&mut power, &mut products).is_err() {
+        return Vec::new();
+    }
+    products.truncate(longest);
+    products.iter().map(|product| product / length as f64).collect()
 }

@@ -15,7 +15,7 @@ use eha_monitor::fit::problem::Free;
 use eha_monitor::integrate::exact::Exact;
 use eha_monitor::link::frame::{Decoder, LONGEST, encode};
 use eha_monitor::link::message::{FAULTS, FromMonitor, ReportMessage, SAMPLES, Setup, ToMonitor};
-use eha_monitor::link::station::Station;
+use eha_monitor::link::station::{POPULATION, Station, WINDOW};
 use eha_monitor::model::Model;
 use eha_monitor::model::state::BASE_ORDER;
 use eha_monitor::monitor::config::{Config, ConfigError, Fault};
@@ -28,9 +28,6 @@ use std::thread;
 use std::time::{Duration, Instant};
 use stream::{Growth, Simulated};
 
-/// Samples in a window of the firmware's monitor, and members of its population.
-pub const WINDOW: usize = 1000;
-const POPULATION: usize = 20;
 /// Modes whose transition matrices the host's monitor keeps; results do not depend on it.
 const SLOTS: usize = 8;
 /// Steps of the model that the monitor may take for each sample: an eighth of the processor at 480 MHz.
@@ -120,7 +117,7 @@ impl Session {
             fault(Parameter::Backlash, 0.0, 1.5e-3, 1e-4, 2e-4),
             fault(Parameter::DryFriction, 200.0, 4000.0, 400.0, 600.0),
         ];
-        let noise = SensorNoise { user: 5e-6, current: 0.02 };
+        let noise = SensorNoise::<f32>::TYPICAL;
         let mut parameters = rig.parameters;
         for fault in &faults {
             parameters.set(fault.free.parameter, fault.healthy.into());

@@ -13,9 +13,6 @@ use rayon::prelude::*;
 
 const MEASURED: usize = Channel::MEASURED.len();
 
-/// Noise that is assumed for a channel that a record does not have: that of the design's sensors.
-const ASSUMED_NOISE: [f64; MEASURED] = [5e-6, 5e-6, 0.02, 2e4];
-
 /// Longest built-in command that is tried, s.
 const LONGEST_S: f64 = 5.0;
 
@@ -113,7 +110,7 @@ impl Question<'_> {
     /// The noise that is used: the record's, else what is assumed.
     pub fn noise_used(&self) -> [f64; MEASURED] {
         std::array::from_fn(|index| {
-            if self.noise[index].is_finite() { self.noise[index] } else { ASSUMED_NOISE[index] }
+            if self.noise[index].is_finite() { self.noise[index] } else { fit::TYPICAL_NOISE[index] }
         })
     }
 

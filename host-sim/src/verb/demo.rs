@@ -8,6 +8,7 @@ use super::DEFAULT_RIG;
 use super::diagnose::Job;
 use crate::cli::Common;
 use crate::failure::Failure;
+use crate::fit::TYPICAL_NOISE;
 use crate::interrupt;
 use crate::output;
 use crate::plant::{self, Excitation, Sensing};
@@ -20,7 +21,8 @@ use eha_monitor::parameter::Parameter;
 const TRUTH: [(Parameter, f64); 3] =
     [(Parameter::Backlash, 2e-4), (Parameter::DryFriction, 800.0), (Parameter::MeteringBlend, 1.0)];
 /// Noise of its sensors.
-const NOISE: [(Channel, f64); 2] = [(Channel::UserPosition, 5e-6), (Channel::Current, 0.02)];
+const NOISE: [(Channel, f64); 2] =
+    [(Channel::UserPosition, TYPICAL_NOISE[0]), (Channel::Current, TYPICAL_NOISE[2])];
 /// Records: label, command, role.
 const FLIGHTS: [(&str, &str); 3] = [("chirp", "fitted"), ("mixed", "fitted"), ("mixed-step", "held out")];
 /// Samples of a record: 1 s at 1 kHz.

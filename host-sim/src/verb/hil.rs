@@ -4,6 +4,7 @@ use super::{DEFAULT_RIG, InputOptions, assignments, rig, set};
 use crate::cli::Common;
 use crate::emulator::Machine;
 use crate::failure::Failure;
+use crate::fit::TYPICAL_NOISE;
 use crate::hil::line::Line;
 use crate::hil::stream::{Growth, Simulated, of_record};
 use crate::hil::{Outcome, Session};
@@ -69,7 +70,7 @@ fn seconds(text: &str) -> Result<f64, String> {
 }
 
 /// Noise of user position, m, and current, mA, where the rig has none.
-const NOISE: [f64; 2] = [5e-6, 0.02];
+const NOISE: [f64; 2] = [TYPICAL_NOISE[0], TYPICAL_NOISE[2]];
 
 /// Runs the verb.
 ///

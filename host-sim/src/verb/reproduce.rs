@@ -30,8 +30,8 @@ use std::time::Instant;
 const SAMPLES: usize = 1001;
 /// Their period, s.
 const SAMPLE_PERIOD: f64 = 1e-3;
-/// Weights of the channels: the noise of the sensors that the design assumes.
-const NOISE: [f64; 4] = [5e-6, f64::INFINITY, 0.02, f64::INFINITY];
+/// Weights of the channels that are compared: the noise of the sensors that the design assumes.
+const NOISE: [f64; 4] = [fit::TYPICAL_NOISE[0], f64::INFINITY, fit::TYPICAL_NOISE[2], f64::INFINITY];
 /// Longest step of the HF model, s.
 const PLANT_STEP: f64 = 1e-6;
 /// Seeds of each row of the table of findings.

@@ -10,15 +10,15 @@ mod runtime;
 mod uart;
 
 use counter::Counter;
-use eha_monitor::{integrate::exact::Exact, link::station::Station, model::state::BASE_ORDER};
+use eha_monitor::{
+    integrate::exact::Exact,
+    link::station::{POPULATION, Station, WINDOW},
+    model::state::BASE_ORDER,
+};
 use runtime::{EXIT_NO_PERIPHERALS, report_stack};
 use semihosting::process;
 use uart::Uart;
 
-/// Samples in a window: 1 s.
-const WINDOW: usize = 1000;
-/// Members of the population.
-const POPULATION: usize = 20;
 /// Modes whose transition matrices are kept: spool and jack, sliding or stuck, make four; more in the negative control of
 /// the budget for the monitor's state.
 const SLOTS: usize = if cfg!(feature = "negative-control-ram") { 6 } else { 4 };

@@ -28,7 +28,7 @@ const SAMPLES: usize = 1001;
 /// The command: 1 cm, 0.1 to 1.5 Hz.
 const COMMAND: &str = "chirp";
 /// Noise of an LVDT, m, and of a current sensor, mA.
-const NOISE: SensorNoise<f32> = SensorNoise { user: 5e-6, current: 0.02 };
+const NOISE: SensorNoise<f32> = SensorNoise::<f32>::TYPICAL;
 /// Backlash of the actuator, m, and its dry friction, N: four times the healthy one.
 const FAULTS: [f32; 2] = [2e-4, 800.0];
 /// What is identified, in the source's bounds.
