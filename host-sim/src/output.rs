@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 /// Version of the JSON results.
 pub const SCHEMA: u32 = 1;
 
-/// Writes a line to stdout; a closed pipe ends the program quietly, as tools in a pipeline do.
+/// Writes a line to stdout. Nobody listens at a closed pipe: that is no failure.
 ///
 /// # Errors
 /// Stdout cannot be written.

@@ -263,6 +263,22 @@ fn a_held_out_record_that_is_not_explained_asks_for_another_effect() {
     assert!(result["error"]["holdout"]["after_rms_m"].as_f64().unwrap() < 1.5 * noise, "{result:#}");
 }
 
+#[test]
+fn spikes_on_the_line_of_a_sensor_are_no_effect() {
+    let plant = faulty();
+    let spiky = |command: &Command| {
+        let mut record = plant.record(command, SAMPLES);
+        for sample in [130, 450, 770] {
+            record.lvdt[sample] += 1e-3;
+        }
+        record
+    };
+    let result = diagnose_flown(spiky, 1);
+    assert_eq!(result["verdict"], "adequate", "{result:#}");
+    assert_eq!(result["warnings"].to_string().matches("lvdt_m: 3 spikes from 0.13 to 0.77 s").count(), 3);
+    faults_are_right(&result, 4.0, "spikes");
+}
+
 /// Longer than the excerpts of a record that are searched, which are 6 s together.
 #[test]
 fn a_load_that_steps_late_in_a_long_record_is_named() {

@@ -88,11 +88,6 @@ impl<T: Real> PilotStage<T> {
     pub fn balanced_spool(&self, motor_force: T) -> T {
         motor_force / self.feedback_stiffness
     }
-
-    /// Current that holds the flapper centred with the spool at a position, mA.
-    pub fn holding_current(&self, spool: T) -> T {
-        self.feedback_stiffness * spool / self.torque_motor_gain - self.offset
-    }
 }
 
 /// Constants of the spool.

@@ -15,7 +15,7 @@ pub enum Verdict {
     ModelInadequate = 2,
     /// The window asked too little of the actuator: it would show an alarmed fault no better than by chance.
     Uninformative = 3,
-    /// More than a tenth of the samples of a sensor were excluded.
+    /// More than a tenth of the samples of a sensor were excluded, or the stream broke.
     SensorFault = 4,
 }
 

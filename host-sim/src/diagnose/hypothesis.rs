@@ -62,7 +62,6 @@ impl Hypothesis {
             values: fit.estimates.iter().map(|estimate| estimate.value).collect(),
             misfit: fit.misfit,
             covariance: fit.covariance.clone(),
-            evaluations: fit.evaluations,
         };
         let rig = fit.applied(case.rig);
         Self::validated(case, rig, ranges, train, Vec::new())

@@ -37,7 +37,7 @@ use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
 use hypothesis::Hypothesis;
-use residual::{ChannelResidual, Description, MEASURED};
+use residual::{Description, MEASURED};
 use weighing::Earned;
 
 /// Seeds from which the declared faults are fitted where the first leaves more than noise.
@@ -124,8 +124,6 @@ pub struct Diagnosis {
     pub rig: Rig,
     /// Its prediction of the training records.
     pub predictions: Vec<Vec<Outputs<f64>>>,
-    /// Residual of each channel at the end.
-    pub residuals: [Option<ChannelResidual>; MEASURED],
     /// What is left, where the verdict is unexplained.
     pub left: Option<Description>,
 }
@@ -402,7 +400,6 @@ fn conclude(case: &Case<'_>, before: Fit, best: &Hypothesis, earned: &[Earned], 
         colour: case.train()[0].colour,
         train: scores(case.train()),
         holdout: (!case.holdout().is_empty()).then(|| scores(case.holdout())),
-        residuals: residual::of_channels(case.train(), &predictions),
         left,
         rig: best.rig.clone(),
         predictions,

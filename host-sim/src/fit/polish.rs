@@ -16,8 +16,6 @@ pub struct Polished {
     pub misfit: Misfit<f64>,
     /// Covariance of the values for white noise; not finite where the records say nothing.
     pub covariance: Vec<Vec<f64>>,
-    /// Evaluations of the model.
-    pub evaluations: u32,
 }
 
 impl Polished {
@@ -127,7 +125,6 @@ fn polished(
     genes: &Genes,
     normal: &Normal<f64, MAX_FREE>,
     misfit: Misfit<f64>,
-    evaluations: u32,
 ) -> Polished {
     let covariance = normal.covariance();
     let count = problem.free.len();
@@ -139,7 +136,6 @@ fn polished(
         values: problem.free.iter().zip(genes).map(|(free, &gene)| free.value(gene)).collect(),
         misfit,
         covariance: (0..count).map(|row| (0..count).map(|column| entry(row, column)).collect()).collect(),
-        evaluations,
     }
 }
 
@@ -169,7 +165,7 @@ impl Job for Foresee<'_> {
         let normal = normal_equations(problem, &genes, Settings::default().difference, steppers);
         let (there, chi_square) = normal.foreseen(&genes, count)?;
         let misfit = Misfit { chi_square, count: normal.misfit.count };
-        Some(polished(problem, &there, &normal, misfit, count as u32 + 1))
+        Some(polished(problem, &there, &normal, misfit))
     }
 }
 
@@ -187,6 +183,6 @@ impl Job for Polish<'_> {
         let settings = Settings { tolerance: WORTH_A_STEP, steps: self.steps, ..Settings::default() };
         let found = finish(problem, &genes, &settings, steppers);
         let misfit = found.normal.misfit;
-        (misfit.count > 0).then(|| polished(problem, &found.genes, &found.normal, misfit, found.evaluations))
+        (misfit.count > 0).then(|| polished(problem, &found.genes, &found.normal, misfit))
     }
 }

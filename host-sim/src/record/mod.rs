@@ -209,20 +209,6 @@ impl Record {
         }
         record
     }
-
-    /// The samples from `from_s` (included) to `to_s` (excluded), s.
-    ///
-    /// # Errors
-    ///
-    /// Those of [`new`](Self::new): a segment is a record too.
-    pub fn segment(&self, from_s: f64, to_s: f64) -> Result<Self, RecordError> {
-        let inside = |&index: &usize| table::in_window(self.time_s(index), from_s, to_s);
-        let first = (0..self.len()).find(inside).unwrap_or(0);
-        let last = (first..self.len()).take_while(inside).last().map_or(first, |index| index + 1);
-        let channels =
-            self.channels().map(|(channel, values)| (channel, values[first..last].to_vec())).collect();
-        Self::new(self.name.clone(), self.sample_period_s, self.time_s(first), channels)
-    }
 }
 
 #[cfg(test)]

@@ -39,21 +39,6 @@ fn times_are_the_nearest_to_the_decimal_number() -> Result<(), RecordError> {
 }
 
 #[test]
-fn a_segment_takes_its_first_and_leaves_its_last_time() -> Result<(), RecordError> {
-    let whole = record(pair(200))?;
-    let part = whole.segment(2.05, 2.15)?;
-    assert_eq!((part.len(), part.start_time_s()), (100, 2.05));
-    let expected = whole.channel(Channel::UserPosition).map(|values| &values[50..150]);
-    assert_eq!(part.channel(Channel::UserPosition), expected);
-    assert_eq!(whole.segment(0.0, 99.0)?.len(), 200);
-    let short = whole.segment(2.05, 2.06).expect_err("too short").to_string();
-    assert_eq!(short, "made: found 10 samples, expected at least 50");
-    assert!(whole.segment(5.0, 9.0).is_err());
-    assert!(whole.segment(f64::NAN, f64::NAN).is_err());
-    Ok(())
-}
-
-#[test]
 fn missing_samples_are_counted_where_they_may_be() -> Result<(), RecordError> {
     let mut channels = pair(60);
     channels[0].1[7] = f64::NAN;

@@ -145,7 +145,7 @@ pub fn parameter_named(name: &str) -> Result<Parameter, Failure> {
     })
 }
 
-/// The measured channel of a column name.
+/// The channel of a column name.
 ///
 /// # Errors
 /// Usage: no such column.
