@@ -279,6 +279,29 @@ fn spikes_on_the_line_of_a_sensor_are_no_effect() {
     faults_are_right(&result, 4.0, "spikes");
 }
 
+/// The current of these is at its limit half of the time, where a loop does not forget by itself.
+#[test]
+fn records_that_start_in_the_middle_of_a_motion_lack_nothing() {
+    let mut plant = faulty();
+    (plant.parameters.backlash, plant.parameters.jack_friction) = (7e-4, 2050.0);
+    let cut = |command: &Command| {
+        let mut record = plant.record(command, 2 * SAMPLES);
+        for values in [&mut record.command, &mut record.lvdt, &mut record.current] {
+            values.drain(..700);
+        }
+        record
+    };
+    let flown = |command: &Command| match command {
+        Command::Mixed => cut(&Command::Sine { amplitude: 4e-3, frequency: 5.0 }),
+        Command::MixedStep => cut(&Command::Sine { amplitude: 6e-3, frequency: 2.0 }),
+        _ => cut(&Command::Sine { amplitude: 3e-3, frequency: 6.5 }),
+    };
+    let result = diagnose_flown(flown, 1);
+    assert_eq!(result["verdict"], "adequate", "{result:#}");
+    let fdj = fault(&result, "fdj");
+    assert!((fdj.0 - 2050.0).abs() < 4.0 * fdj.1, "{fdj:?}");
+}
+
 /// Longer than the excerpts of a record that are searched, which are 6 s together.
 #[test]
 fn a_load_that_steps_late_in_a_long_record_is_named() {

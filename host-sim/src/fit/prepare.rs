@@ -1,14 +1,15 @@
 //! A record made ready for the core: inputs joined, start state found, settling marked.
 
 use super::colour::{as_white, in_differences};
-use super::noise::{command_step, correlation_time, differences, noise_of, rms};
+use super::noise::{MODEL_ERROR, command_step, correlation_time, differences, noise_of, rms};
 use crate::record::Record;
 use crate::rig::{Knots, Rig};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::problem::{Record as CoreRecord, Start};
 use eha_monitor::model::Drive;
 use eha_monitor::model::drive::Law;
-use eha_monitor::parameter::Parameters;
+use eha_monitor::model::state::Outputs;
+use eha_monitor::parameter::{Parameter, Parameters};
 use std::slice;
 
 const MEASURED: usize = Channel::MEASURED.len();
@@ -20,8 +21,10 @@ const START_SAMPLES: usize = 5;
 /// Standard deviations of the noise by which the first sample of a record that starts at rest at its command may differ
 /// from it: a chance of 6e-5.
 const START_SIGMA: f64 = 4.0;
-/// Time after which a closed loop has forgotten a start that was only measured, s.
+/// Time after which a closed loop has forgotten a start that was only measured, s, at the earliest.
 const SETTLE_S: f64 = 0.1;
+/// How far the ram may be from the user at a start that was only measured, m, where no backlash is declared.
+const START_REACH: f64 = 1e-4;
 /// Time at the start of a record from which a first value of an offset of the command is taken, s.
 const OFFSET_S: f64 = 0.5;
 /// Pieces that are cut from a long record, their length, s, and how much of it is not compared, s.
@@ -182,6 +185,34 @@ impl Prepared {
         Self { command: moved(&self.command), arriving: moved(&self.arriving), ..self.clone() }
     }
 
+    /// Samples after which a closed loop that starts at rest has forgotten that: it is where it would be had it moved as
+    /// measured, the ram off the user by half of the largest backlash to either side. The other faults are in the middle of
+    /// their ranges.
+    fn forgets(&self, rig: &Rig, moving: Start<f64>) -> usize {
+        let mut rig = rig.clone();
+        let mut reach = START_REACH;
+        for fault in &rig.faults {
+            if fault.parameter == Parameter::Backlash {
+                reach = 0.5 * fault.upper;
+            } else {
+                rig.parameters.set(fault.parameter, 0.5 * (fault.lower + fault.upper));
+            }
+        }
+        let from = |start: Start<f64>| {
+            let record = Self { starts: vec![start], ..self.clone() };
+            super::predict(&rig, slice::from_ref(&record)).concat()
+        };
+        let at_rest = from(self.starts[0]);
+        let differs = |other: &[Outputs<f64>], channel: usize| {
+            let limit = MODEL_ERROR[channel];
+            let last = differences(&at_rest, other, channel).collect::<Vec<_>>();
+            last.iter().rposition(|difference| difference.abs() > limit).map_or(0, |sample| sample + 1)
+        };
+        let known = (0..MEASURED).filter(|&channel| self.noise[channel].is_finite());
+        let others = [-reach, reach].map(|off| from(Start { ram: moving.ram + off, ..moving }));
+        known.flat_map(|channel| others.each_ref().map(|other| differs(other, channel))).max().unwrap_or(0)
+    }
+
     /// Is its command the same, between the samples too, as that of another one?
     pub fn flies_as(&self, other: &Self) -> bool {
         self.command == other.command && self.arriving == other.arriving
@@ -248,9 +279,9 @@ pub fn prepare(rig: &Rig, record: &Record) -> Prepared {
 /// fit's.
 ///
 /// A closed loop starts at rest where the command is, if the first sample agrees with that (the next ones may be moving
-/// already); else where the first samples are, and the first 0.1 s is not compared. An open loop starts anew from the
-/// measured position and velocity at each restart, and a known controller closes the loop from those at the start on:
-/// its first 0.1 s is not compared either.
+/// already); else where the first samples are, and nothing is compared before it has forgotten that (0.1 s or more, at most
+/// half of the record). An open loop starts anew from the measured position and velocity at each restart, and a known
+/// controller closes the loop from those at the start on: its first 0.1 s is not compared.
 pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepared {
     let values = |channel: Channel| record.channel(channel).map(<[f64]>::to_vec);
     let mut command = values(Channel::Command).unwrap_or_default();
@@ -317,7 +348,12 @@ pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepa
         drive,
         lost: [0.0; MEASURED],
     };
-    on_lines.along(rig)
+    let mut prepared = on_lines.along(rig);
+    if law.is_none() && restart.is_none() && settle > 0 {
+        let moving = moving_start(&position, 0, sample_period);
+        prepared.settle = prepared.forgets(rig, moving).clamp(settle, prepared.len() / 2);
+    }
+    prepared
 }
 
 /// Time, position and velocity at a sample, from a parabola through the samples around it.
