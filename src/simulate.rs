@@ -84,7 +84,7 @@ impl<T: Real> Actuator<T> {
         self.lead(stepper, motion, segment, &mut []);
     }
 
-    /// The same with followers, which see what the ram does.
+    /// Advances a motion by one sample, with followers, which see what the ram does.
     #[inline]
     pub fn lead<S: Stepper<T>>(
         &self,

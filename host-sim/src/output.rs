@@ -82,6 +82,10 @@ pub fn show_standing(bar: &ProgressBar, standing: Standing) {
     ));
 }
 
+/// What is said of records whose commands come a sample late.
+pub const LATE_COMMAND: &str =
+    "with the command one sample earlier, only noise is left: was it recorded a sample late?";
+
 /// Writes a file whole or not at all.
 ///
 /// # Errors

@@ -8,8 +8,8 @@ use tempfile::NamedTempFile;
 /// Writes to a temporary file beside `path`, which takes its place at the end.
 ///
 /// # Errors
-/// A directory that is not there or cannot be written to, a full disk, or what `write` fails with; whatever was at `path`
-/// is untouched then.
+/// A directory that is not there or cannot be written to, a full disk, or what `write` fails with; whatever was at
+/// `path` is untouched then.
 pub(crate) fn save(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut NamedTempFile>) -> io::Result<()>,

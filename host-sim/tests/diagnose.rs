@@ -279,6 +279,29 @@ fn spikes_on_the_line_of_a_sensor_are_no_effect() {
     faults_are_right(&result, 4.0, "spikes");
 }
 
+#[test]
+fn a_command_that_was_recorded_a_sample_late_is_suspected() {
+    let lacking = |plant: &Plant, late: usize| -> Vec<bool> {
+        let directory = tempfile::tempdir().unwrap();
+        let mut record = plant.record(&Command::Mixed, SAMPLES);
+        for _ in 0..late {
+            record.command.insert(0, record.command[0]);
+            record.command.pop();
+        }
+        let path = save(directory.path(), "record.csv", record, 0.0, 1);
+        let result = host_sim("identify", |command| command.arg(path));
+        ["lacks something", "recorded a sample late"]
+            .map(|part| result["warnings"].to_string().contains(part))
+            .to_vec()
+    };
+    let mut strong = faulty();
+    strong.parameters.motor_gain *= 1.1;
+    assert_eq!(lacking(&faulty(), 0), [false, false]);
+    assert_eq!(lacking(&faulty(), 1), [true, true]);
+    assert_eq!(lacking(&faulty(), 2), [true, false]);
+    assert_eq!(lacking(&strong, 0), [true, false]);
+}
+
 /// The current of these is at its limit half of the time, where a loop does not forget by itself.
 #[test]
 fn records_that_start_in_the_middle_of_a_motion_lack_nothing() {

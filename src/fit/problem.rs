@@ -33,8 +33,8 @@ pub struct Record<'a, T> {
     pub sample_period: T,
     /// Commanded position, m.
     pub command: &'a [T],
-    /// Commanded position just before each sample, m: where the straight line from the sample before ends. The command jumps
-    /// where that is not the sample itself. Empty where it never does.
+    /// Commanded position just before each sample, m: where the straight line from the sample before ends. The command
+    /// jumps where that is not the sample itself. Empty where it never does.
     pub arriving: &'a [T],
     /// Force on the ram from outside, N (driving force minus load); empty where there is none.
     pub force: &'a [T],
@@ -87,8 +87,8 @@ impl<'a, T: Real> Record<'a, T> {
         if self.arriving.is_empty() { most } else { ends.take_while(|(end, command)| end == command).count() }
     }
 
-    /// The same with one more measured channel and the standard deviation of its noise, in its unit (ignored where the
-    /// model does not predict the channel).
+    /// The record with one more measured channel and the standard deviation of its noise, in its unit (ignored where
+    /// the model does not predict the channel).
     #[must_use]
     pub fn with(mut self, channel: Channel, values: &'a [T], noise: T) -> Self {
         if let Some(index) = Channel::MEASURED.iter().position(|&known| known == channel) {
@@ -122,7 +122,8 @@ impl<'a, T: Real> Record<'a, T> {
     }
 }
 
-/// Standard deviation of the noise of each measured channel, in the channel's unit; not finite: the channel is not used.
+/// Standard deviation of the noise of each measured channel, in the channel's unit; not finite: the channel is not
+/// used.
 pub type Noise<T> = [T; MEASURED];
 
 /// A parameter that a search may move.
@@ -184,7 +185,7 @@ impl<T: Real> Compared<'_, T> {
         value.finite().then(|| (value - outputs.to_array()[channel]) * self.weights[channel])
     }
 
-    /// The same of all channels; 0 with weight `false` where there is none.
+    /// Residuals of all channels at a sample, in units of their noise; 0 with `false` where there is none.
     #[inline(always)]
     pub fn residuals(&self, sample: usize, outputs: &Outputs<T>) -> [(T, bool); MEASURED] {
         core::array::from_fn(|channel| match self.residual(channel, sample, outputs) {
@@ -272,8 +273,9 @@ impl<T: Real> Problem<'_, T> {
         self.misfit_within(genes, stepper, T::ONE / T::ZERO)
     }
 
-    /// The same, given up as soon as chi-square is above a bound: what has been summed by then. Further samples could
-    /// only add to it, also where an offset is unknown: the best one for more samples is no better for fewer.
+    /// Misfit of a set of genes, given up as soon as chi-square is above a bound: what has been summed by then. Further
+    /// samples could only add to it, also where an offset is unknown: the best one for more samples is no better for
+    /// fewer.
     pub fn misfit_within<S: Stepper<T>>(&self, genes: &[T], stepper: &mut S, bound: T) -> Misfit<T> {
         let model = self.model(genes);
         let mut misfit = Misfit { chi_square: T::ZERO, count: 0 };

@@ -60,7 +60,7 @@ impl<T: Real> Walk<T> {
         self.lead(record, stepper, &mut [])
     }
 
-    /// The same with followers, which start anew where the walk does.
+    /// The next sample and its outputs, with followers, which start anew where the walk does.
     #[inline]
     pub fn lead<S: Stepper<T>>(
         &mut self,

@@ -18,7 +18,8 @@ pub struct Settings {
     pub mutation_chance: f32,
     /// Standard deviation of a mutation, relative to the gene's range, when the search starts.
     pub mutation_start: f32,
-    /// The same when it has gone on for [`mutation_decay`](Self::mutation_decay) generations.
+    /// Standard deviation of a mutation when the search has gone on for [`mutation_decay`](Self::mutation_decay)
+    /// generations.
     pub mutation_end: f32,
     /// Generations over which the mutation shrinks (geometrically).
     pub mutation_decay: u32,

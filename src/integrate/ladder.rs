@@ -86,8 +86,8 @@ impl<T: Real, const N: usize> Rung<T, N> {
         change
     }
 
-    /// The same for a loop that does not know where it is: the column of the ram is zero, and left out. `error` is the
-    /// position error at the start, m.
+    /// Change of the state over a step, for a loop that does not know where it is: the column of the ram is zero, and
+    /// left out. `error` is the position error at the start, m.
     #[inline(always)]
     pub(super) fn change_anywhere(
         &self,
@@ -254,8 +254,8 @@ impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const 
         self.lay_terms(model, mode);
     }
 
-    /// What does not depend on the state in a mode. A function of its own: otherwise the stack would hold its frame while
-    /// the mode's matrices are made.
+    /// What does not depend on the state in a mode. A function of its own: otherwise the stack would hold its frame
+    /// while the mode's matrices are made.
     #[inline(never)]
     fn lay_terms(&mut self, model: &Model<T>, mode: &Mode) {
         let (none, layout) = (State::default(), self.layout);

@@ -39,7 +39,7 @@ impl<T: Real> Controller<T> {
             - self.velocity * velocity
     }
 
-    /// The same of a controller that sees nothing but the position error, m.
+    /// Current before its limit, mA, of a controller that sees nothing but the position error, m.
     #[inline(always)]
     pub fn proportional_demand(&self, error: T) -> T {
         self.proportional * error

@@ -75,8 +75,8 @@ impl<T: Real> Corridor<T> {
         self.holds(place, &change.map(|value| value.magnitude() * T::literal(0.25)))
     }
 
-    /// The same as [`is_clear`](Self::is_clear), looked at closely: what moves away from its bound needs no margin, nor
-    /// does a step that cannot be divided.
+    /// Is a step clear, as [`is_clear`](Self::is_clear) asks, when looked at closely? What moves away from its bound
+    /// needs no margin, nor does a step that cannot be divided.
     #[inline(never)]
     pub fn passage(
         &self,

@@ -16,7 +16,7 @@ pub(crate) struct Curved<V> {
 }
 
 impl<V: Copy> Curved<V> {
-    /// The same of every value.
+    /// Every value changed in one way.
     pub(crate) fn map<W>(&self, change: impl Fn(V) -> W) -> Curved<W> {
         Curved { force: change(self.force), pressure_rate: change(self.pressure_rate) }
     }

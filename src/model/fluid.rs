@@ -130,7 +130,7 @@ impl<T: Real> Fluid<T> {
         self.metering_law(opening, velocity, compliance).0
     }
 
-    /// The same, and its slope with the velocity, Pa s/m.
+    /// Pressure of the metering law, Pa, and its slope with the velocity, Pa s/m.
     ///
     /// With `y = sqrt((PSR - s P12)/PSR0)`, `s = sgn(XS)`, the law
     /// `AJ v = GQ XS ((1 - b) + b y) - (1/GPQ + Clk) P12` is a quadratic in `y` with one root that is not negative.
@@ -172,7 +172,7 @@ impl<T: Real> Fluid<T> {
         }
     }
 
-    /// The same of the linear form.
+    /// Rate of the pressure of compressible oil in the linear form, Pa/s.
     #[inline(always)]
     pub fn linear_pressure_rate(&self, opening: T, velocity: T, pressure: T) -> T {
         self.bulk_stiffness * (self.flow_gain * opening - self.area * velocity - self.conductance * pressure)

@@ -22,7 +22,8 @@ pub struct State<T> {
     pub held_current: T,
     /// Spool position that the feedback spring feels, behind its play, m.
     pub sensed_spool: T,
-    /// User minus ram (over ground) where the user is fed back (behind the backlash), m: a difference, so that `f32` loses nothing.
+    /// User minus ram (over ground) where the user is fed back (behind the backlash), m: a difference, so that `f32`
+    /// loses nothing.
     pub user_gap: T,
     /// Differential pressure `P12` where the oil is compressible, Pa.
     pub pressure: T,
@@ -35,7 +36,8 @@ pub struct State<T> {
     /// What rounding has cut off the ram position, m: the ram is at `ram + ram_rest`. While the spool sticks the loop
     /// is open, and in `f32` the rounding of thousands of small steps would move the ram by tenths of a micrometre.
     pub ram_rest: T,
-    /// The same for the spool, m: at its rate limit it adds the same increment, and the same rounding, step after step.
+    /// What rounding has cut off the spool position, m: at its rate limit the spool adds the same increment, and the
+    /// same rounding, step after step.
     pub spool_rest: T,
 }
 
@@ -68,7 +70,8 @@ impl Layout {
     /// Every entry, as the state has them.
     pub const NATURAL: Self = Self { extras: [5, 6, 7, 8, 9, 10, 11, 12] };
 
-    /// The layout of a model that moves some of the entries behind the base model: a bit for each, the first the lowest.
+    /// The layout of a model that moves some of the entries behind the base model: a bit for each, the first the
+    /// lowest.
     #[inline(never)]
     pub fn of(moving: u8) -> Self {
         let mut layout = Self { extras: [FULL_ORDER as u8; EXTRAS] };

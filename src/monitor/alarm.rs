@@ -5,9 +5,9 @@
 //! `exp(h)` windows (Lorden 1971), so that `h = ln(faults / rate)` keeps the rate of false alarms of all faults
 //! together. Nothing is tuned. One window adds at most half of `h`: whatever happens in it, it is no alarm alone.
 //!
-//! What a window says that the model does not explain waits for the next one that tells of the fault. If the model explains
-//! that, the actuator has changed within the first, and both count; if not, the first is dropped: what the model lacks is
-//! no fault.
+//! What a window says that the model does not explain waits for the next one that tells of the fault. If the model
+//! explains that, the actuator has changed within the first, and both count; if not, the first is dropped: what the
+//! model lacks is no fault.
 
 use super::config::{Config, Fault};
 

@@ -8,7 +8,7 @@ use crate::trial::SensorNoise;
 
 /// Noise of a position sensor below which the model's own error would count, m.
 const LEAST_USER_NOISE: f32 = 1e-7;
-/// The same for a current, mA.
+/// Noise of a current below which the model's own error would count, mA.
 const LEAST_CURRENT_NOISE: f32 = 1e-3;
 
 /// A fault that is watched.

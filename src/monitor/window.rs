@@ -9,7 +9,7 @@ use crate::scalar::Real;
 
 /// Counts on either side of zero of a position.
 const POSITION_COUNTS: i32 = (1 << 23) - 1;
-/// The same of a current.
+/// Counts on either side of zero of a current.
 const CURRENT_COUNTS: i32 = (1 << 15) - 1;
 
 /// What one count is.
@@ -88,7 +88,7 @@ impl Packed {
         (count >= -CURRENT_COUNTS).then_some(count as f32 * scale.current)
     }
 
-    /// The same without the measured values that a flag names.
+    /// The packed sample without the measured values that a flag names.
     fn without(self, user: bool, current: bool) -> Self {
         let [mut first, mut second] = self.0;
         if user {

@@ -22,7 +22,8 @@ const PROMISING: f64 = 4.0;
 const FORESEEN: f64 = 0.1;
 /// Part of its price that the linear model must foresee for an effect to be fitted beside others that leave noise.
 const HIDDEN: f64 = 0.5;
-/// Most effects that are approached by rough fits for a hypothesis in a round after the first, the most promising first.
+/// Most effects that are approached by rough fits for a hypothesis in a round after the first, the most promising
+/// first.
 const MOST_APPROACHED: usize = 10;
 /// Most of them that are fitted, to the fitted records and to all: more than look alike in the position alone, so that
 /// the held-out records decide among these.
@@ -33,7 +34,8 @@ const NAMING_SHARE: f64 = 0.99;
 const CONFOUNDED: f64 = 5.0;
 /// How often a model moves to a better valley.
 const MOST_MOVES: usize = 3;
-/// Twice the logarithm of the odds (10^50 to 1) against a candidate beside the best that no held-out record makes up for.
+/// A candidate whose odds against the best one are these (twice the logarithm; 10^50 to 1) is not fitted to the
+/// held-out records: they could not make up for it.
 const HOPELESS: f64 = 230.0;
 
 /// What a model is made of, and how it fits.
@@ -104,7 +106,7 @@ impl Hypothesis {
         Self { rig, ranges, train, joint, predictions, added, prospects: OnceLock::new() }
     }
 
-    /// The same model for the records of another case, of which its own are a part or which are a part of its own.
+    /// This model fitted to the records of another case, of which its own are a part or which are a part of its own.
     pub(super) fn refitted(&self, case: &Case<'_>) -> Self {
         let here = Place { ranges: self.ranges.clone(), values: self.train.values.clone() };
         let shown = |effect: &&EffectInfo| place::shown_by(effect, &self.rig, &self.ranges, case.train());
@@ -138,7 +140,8 @@ impl Hypothesis {
         self.joint.misfit.chi_square / scale + price
     }
 
-    /// Do all records speak for this model against another one of as many parameters, at the odds that tell effects apart?
+    /// Do all records speak for this model against another one of as many parameters, at the odds that tell effects
+    /// apart?
     pub(super) fn is_likelier(&self, other: &Self) -> bool {
         other.joint.misfit.chi_square - self.joint.misfit.chi_square > TOLD_APART * other.scale()
     }
@@ -199,8 +202,8 @@ impl Hypothesis {
         })
     }
 
-    /// Are its effects a name for what is there, not just a help for prediction? They leave noise, or take nearly all of
-    /// the misfit beyond it that there was without them.
+    /// Are its effects a name for what is there, not just a help for prediction? They leave noise, or take nearly all
+    /// of the misfit beyond it that there was without them.
     pub(super) fn is_name(&self, case: &Case<'_>, without: &Misfit<f64>) -> bool {
         let excess = |misfit: &Misfit<f64>| (misfit.mean_square() - 1.0).max(0.0);
         self.leaves_noise(case) || excess(&self.train.misfit) < (1.0 - NAMING_SHARE) * excess(without)
@@ -226,7 +229,8 @@ impl Hypothesis {
     /// Fits the effects that promise to lower chi-square, and those that are mixed up with a fault: the fault may be
     /// far from the truth in place of the effect, and the linear model there says nothing. The best first. `wanted` is
     /// the fall of chi-square that is of interest, at least that of the best: where the linear model foresees a small
-    /// part of it only, or the approach reaches no more, the fit will not reach it. `others` are more values to start from.
+    /// part of it only, or the approach reaches no more, the fit will not reach it. `others` are more values to start
+    /// from.
     fn fit_promising(&self, case: &Case<'_>, wanted: f64, others: &[Vec<f64>]) -> Vec<Candidate> {
         let base = self.train.misfit.chi_square;
         let gain = |prospect: &Prospect| base - prospect.foreseen.misfit.chi_square;
@@ -273,8 +277,8 @@ impl Hypothesis {
         candidates
     }
 
-    /// The effects that the fitted records may ask for. What is left after an effect is coloured: what takes less than a
-    /// tenth of it is not worth a fit.
+    /// The effects that the fitted records may ask for. What is left after an effect is coloured: what takes less than
+    /// a tenth of it is not worth a fit.
     fn promising(&self, case: &Case<'_>) -> Vec<Candidate> {
         let wanted = beyond_noise(&self.train.misfit).filter(|_| !self.added.is_empty());
         self.fit_promising(case, wanted.unwrap_or(0.0), &[])
@@ -344,7 +348,7 @@ impl Hypothesis {
         self.added.iter().copied().chain([effect]).collect()
     }
 
-    /// The same model where the fits of more effects show a better valley of its own.
+    /// This model in a better valley, where the fits of more effects show it one.
     fn moved(&self, case: &Case<'_>, candidates: &[Candidate]) -> Option<Self> {
         let shown = candidates.iter().map(|candidate| {
             let values = &candidate.fit.values[..self.ranges.len()];
@@ -357,8 +361,8 @@ impl Hypothesis {
         is_better.then(|| Self::validated(case, rig, self.ranges.clone(), train, self.added.clone()))
     }
 
-    /// The hypotheses with one more effect that the fitted records ask for. Where the fits of these show a better valley of
-    /// the model without them, it moves there first.
+    /// The hypotheses with one more effect that the fitted records ask for. Where the fits of these show a better
+    /// valley of the model without them, it moves there first.
     pub(super) fn grow(&mut self, case: &Case<'_>) -> Vec<Self> {
         if self.is_in_doubt() {
             let asked = self.asked_by_all(case);
@@ -396,7 +400,7 @@ impl Hypothesis {
         self.with(case, found)
     }
 
-    /// The same model without an effect, if it is among those that were fitted before.
+    /// This model without an effect, if it is among those that were fitted before.
     pub(super) fn known_without<'a>(&self, effect: &EffectInfo, known: &'a [Self]) -> Option<&'a Self> {
         let is_it = |known: &&Self| {
             known.added.len() + 1 == self.added.len()
@@ -410,7 +414,7 @@ impl Hypothesis {
         self.added.iter().any(|added| added.name == effect.name)
     }
 
-    /// The same model without an effect, fitted.
+    /// This model without an effect, fitted.
     pub(super) fn without(&self, case: &Case<'_>, effect: &EffectInfo) -> Self {
         let mut added = self.added.clone();
         added.retain(|known| known.name != effect.name);

@@ -12,8 +12,8 @@ use rayon::prelude::*;
 
 /// Half width of the search for an effect's parameter, in its sizes.
 const REACH: f64 = 20.0;
-/// The same for what would be small: a difference in the wide range would jump over an effect that a channel shows far
-/// better than the position does.
+/// Half width of the search for what would be small, in its sizes: a difference in the wide range would jump over an
+/// effect that a channel shows far better than the position does.
 const NEAR: f64 = 0.6;
 /// Largest size at which an effect that is on one side of its absence is tried, in its sizes, and how many in a decade
 /// below that: a valley of a play or a dead zone is a fifth as wide as its size, and one of many.
@@ -28,8 +28,9 @@ const UNSEEN: f64 = 1.0;
 const MOST_PLACES: usize = 3;
 /// Where an effect that can be on either side of its absence is looked for, and how far around, in its sizes.
 const EITHER_SIDE: &[(f64, f64)] = &[(-2.0, REACH), (0.0, NEAR), (0.0, REACH), (2.0, REACH)];
-/// Sizes in a decade at which ringing oil is tried, and over how many decades below its size: a valley is half a hundredth
-/// as wide as the compressibility there. Larger ones ring slower, and their valleys are wide; smaller ones are not seen.
+/// Sizes in a decade at which ringing oil is tried, and over how many decades below its size: a valley is half a
+/// hundredth as wide as the compressibility there. Larger ones ring slower, and their valleys are wide; smaller ones
+/// are not seen.
 const RINGING_PER_DECADE: i32 = 460;
 const RINGING_DECADES: i32 = 2;
 /// Half width of the search around such a size, as a part of it.
@@ -56,7 +57,7 @@ impl Place {
         Self { ranges: ranges.to_vec(), values }
     }
 
-    /// The same with other parameters behind its own.
+    /// This place with other parameters behind its own.
     pub(super) fn with(&self, others: &Self) -> Self {
         Self {
             ranges: [&self.ranges[..], &others.ranges].concat(),
@@ -65,8 +66,8 @@ impl Place {
     }
 }
 
-/// Where an effect of a rig is looked for in records, whose signatures are those around the rig; `is_first`: no effect is found
-/// yet.
+/// Where an effect of a rig is looked for in records, whose signatures are those around the rig; `is_first`: no effect
+/// is found yet.
 pub(super) fn places(
     effect: &EffectInfo,
     rig: &Rig,
@@ -84,8 +85,8 @@ pub(super) fn places(
     }
 }
 
-/// Where ringing oil explains more than a rough fit of it does, everything else as the fit has it; none of another effect.
-/// The phase of what rings tells its valleys apart, and no slope leads from one to the next.
+/// Where ringing oil explains more than a rough fit of it does, everything else as the fit has it; none of another
+/// effect. The phase of what rings tells its valleys apart, and no slope leads from one to the next.
 pub(super) fn ringing(rough: &Candidate, rig: &Rig, records: &[Prepared]) -> Vec<Place> {
     let &[compliance @ Parameter::OilCompliance] = rough.effect.parameters else { return Vec::new() };
     let (Some((_, ranges)), Some((_, values))) = (rough.ranges.split_last(), rough.fit.values.split_last())
@@ -231,9 +232,9 @@ impl Seeker<'_> {
         places
     }
 
-    /// Where what is on one side of its absence is tried whatever its signature says. Where an effect of several parameters
-    /// is absent, the others say nothing; as the first, it has its coarse sizes, because the faults may be far off to make
-    /// up for it.
+    /// Where what is on one side of its absence is tried whatever its signature says. Where an effect of several
+    /// parameters is absent, the others say nothing; as the first, it has its coarse sizes, because the faults may be
+    /// far off to make up for it.
     fn unseen(&self) -> Vec<Place> {
         let size = self.effect.sizes[0];
         if self.effect.parameters.len() == 1 {

@@ -34,8 +34,8 @@ pub fn series(records: &[Prepared], predictions: &[Vec<Outputs<f64>>], channel: 
     fit::residual_series(&records, predictions, channel)
 }
 
-/// The same with the colour of the noise taken out: white where noise is all there is, and the residual itself where that
-/// changes slowly.
+/// Residual series of a channel, one for each record, with the colour of the noise taken out: white where noise is all
+/// there is, and the residual itself where that changes slowly.
 fn whitened(records: &[Prepared], predictions: &[Vec<Outputs<f64>>], channel: usize) -> Vec<Vec<f64>> {
     let mut all = series(records, predictions, channel);
     for (series, record) in all.iter_mut().zip(records).filter(|(_, record)| record.colour[channel] > 0.0) {
@@ -96,8 +96,8 @@ pub fn gains(records: &[Prepared], before: &[Vec<Outputs<f64>>], after: &[Vec<Ou
     gains
 }
 
-/// Tests the residual of a channel; none where no record has it. A short one is tested on as many lags as a quarter of its
-/// samples.
+/// Tests the residual of a channel; none where no record has it. A short one is tested on as many lags as a quarter of
+/// its samples.
 pub fn test(all: &[Vec<f64>]) -> Option<ChannelResidual> {
     let mut power = 0.0;
     let mut count = 0;

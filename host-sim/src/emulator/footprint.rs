@@ -10,8 +10,8 @@ pub struct Footprint {
     pub flash_origin: u64,
     /// Code, constants and the initial values of variables, bytes.
     pub flash_bytes: u64,
-    /// The same without what is there for the board and the serial line: the core and its maths, and all that cannot be
-    /// told by its name.
+    /// Flash, bytes, without what is there for the board and the serial line: the core and its maths, and all that
+    /// cannot be told by its name.
     pub core_flash_bytes: u64,
     /// Variables, bytes. The stack, measured by the run itself, comes on top.
     pub static_ram_bytes: u64,

@@ -59,7 +59,7 @@ impl BuildOptions {
         Self { binary: Binary::Workload, board: Board::Mps2, cpu: machine.cpu(), features: Vec::new() }
     }
 
-    /// The same for another binary, with further features.
+    /// These options for another binary, with further features.
     #[must_use]
     pub fn with(self, binary: Binary, features: &[&str]) -> Self {
         Self { binary, features: features.iter().map(|&feature| feature.to_owned()).collect(), ..self }

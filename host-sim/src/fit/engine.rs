@@ -12,7 +12,7 @@ use eha_monitor::model::state::{BASE_ORDER, FULL_ORDER, Outputs};
 /// Distance of the ram, m, that a curved step may err by in a fit: some 0.01 um over a simulation.
 pub const FIT_TOLERANCE: f64 = 2e-9;
 
-/// The same where only a tendency is wanted.
+/// Distance of the ram, m, that a curved step may err by where only a tendency is wanted.
 pub const LOOK_TOLERANCE: f64 = 1e-7;
 
 /// Modes whose transition matrices are kept.
@@ -25,8 +25,8 @@ type Fine<const ORDER: usize> = Exact<f64, ORDER, { SLOTS / 2 }, FINE>;
 /// Steps of a model whose laws are not all affine.
 type Curved<const ORDER: usize> = Collocation<f64, ORDER, { SLOTS / 2 }>;
 
-/// Fewest states of a model that moves more than the base model, and those that an integrator carries for a few more: an
-/// effect has one of its own, the mount two.
+/// Fewest states of a model that moves more than the base model, and those that an integrator carries for a few more:
+/// an effect has one of its own, the mount two.
 const MORE: usize = BASE_ORDER + 1;
 const SOME_ORDER: usize = BASE_ORDER + 2;
 

@@ -21,10 +21,11 @@ pub use prepare::{Prepared, prepare, prepare_with};
 pub use systematic::standard_errors;
 
 use crate::interrupt;
+use crate::record::Record;
 use crate::rig::{CommandPath, Range, Rig};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::identify::{self, Identification, Progress, StopReason};
-use eha_monitor::fit::problem::{Misfit, Problem};
+use eha_monitor::fit::problem::{Free, Misfit, Problem};
 use eha_monitor::integrate::Stepper;
 use eha_monitor::model::state::Outputs;
 use eha_monitor::parameter::{Parameter, Parameters};
@@ -212,7 +213,8 @@ pub fn fit(
     on_records(rig, ranges, records, FIT_TOLERANCE, Search { settings, near: None, watch: &mut watch })
 }
 
-/// The same; where it leaves more than noise, the best valley that some fits find that differ in their seed.
+/// Fits the ranges to the records; where that leaves more than noise, `seeds` fits that differ in their seed are made,
+/// and the one with the deepest valley is it.
 pub fn fit_from_seeds(
     rig: &Rig,
     ranges: &[Range],
@@ -233,7 +235,8 @@ pub fn fit_from_seeds(
     others.into_iter().fold(first, better)
 }
 
-/// The same, where some values are known to be good.
+/// Fits the ranges to the records where some values, one for each range, are known to be good: the search has them from
+/// the start.
 pub fn fit_near(
     rig: &Rig,
     ranges: &[Range],
@@ -251,7 +254,8 @@ pub struct OnPath {
     pub rig: Rig,
     /// The records on that path.
     pub records: Vec<Prepared>,
-    /// Their fit, with the effort of both paths. Its intervals hold those of the other path where that may be it as well.
+    /// Their fit, with the effort of both paths. Its intervals hold those of the other path where that may be it as
+    /// well.
     pub fit: Fit,
     /// Did the other path do as well, and widen an interval by more than a standard error?
     pub is_open: bool,
@@ -284,6 +288,14 @@ pub fn fit_on_path(
     OnPath { rig, records, fit: lines, is_open }
 }
 
+/// Would the ranges fit the records down to the noise if their commands had been recorded one sample earlier? Then that is
+/// what is wrong with them: no actuator answers a command that is still to come.
+pub fn is_command_late(rig: &Rig, ranges: &[Range], records: &[Record], settings: &FitSettings) -> bool {
+    let earlier = records.iter().map(|record| prepare(rig, &record.with_earlier_command())).collect();
+    let moved = fit_on_path(rig.clone(), ranges, earlier, settings, |_| {});
+    moved.fit.stop == StopReason::NoiseReached
+}
+
 /// Do misfits of the same model on two paths speak for the curve? They are told apart, and it leaves noise, or far less
 /// beyond it.
 pub fn is_curve(lines: &Misfit<f64>, curve: &Misfit<f64>) -> bool {
@@ -299,8 +311,8 @@ fn gain_of(lines: &Misfit<f64>, curve: &Misfit<f64>) -> f64 {
     (lines.chi_square - curve.chi_square) / scale
 }
 
-/// The rig and its records with the command on a curve between its samples; none where the rig says another path, or that is
-/// the same.
+/// The rig and its records with the command on a curve between its samples. None where the rig does not leave the path
+/// open, and where the curve is no other than the straight lines.
 pub fn curved(rig: &Rig, records: &[Prepared]) -> Option<(Rig, Vec<Prepared>)> {
     if rig.command_path != CommandPath::Lines {
         return None;
@@ -316,7 +328,7 @@ pub fn predict(rig: &Rig, records: &[Prepared]) -> Vec<Vec<Outputs<f64>>> {
     on_records(rig, &[], records, FIT_TOLERANCE, Trace)
 }
 
-/// The same with the tolerance of a look.
+/// What a model predicts for each record, roughly ([`LOOK_TOLERANCE`]).
 pub fn glimpse(rig: &Rig, records: &[Prepared]) -> Vec<Vec<Outputs<f64>>> {
     on_records(rig, &[], records, LOOK_TOLERANCE, Trace)
 }
@@ -399,26 +411,8 @@ fn search<S: Stepper<f64>>(
         let repeats = correlation_time(&residual_series(problem.records, &predictions, 0));
         (misfit.mean_square().max(1.0) * repeats, [0.0; MAX_FREE])
     };
-    let count = problem.free.len();
-    let covariance: Vec<Vec<f64>> = (0..count)
-        .map(|row| {
-            let entry = |column: usize| {
-                let scale = problem.free[row].range() * problem.free[column].range();
-                covariance[(row, column)] * inflation * scale
-            };
-            (0..count).map(entry).collect()
-        })
-        .collect();
-    let estimates = problem
-        .free
-        .iter()
-        .enumerate()
-        .map(|(gene, free)| {
-            let standard_error = covariance[gene][gene].sqrt().hypot(systematic[gene] * free.range());
-            let range = Range { parameter: free.parameter, lower: free.lower, upper: free.upper };
-            Estimate::new(&range, free.value(genes[gene]), standard_error)
-        })
-        .collect();
+    let covariance = in_units(problem, &covariance, inflation);
+    let estimates = estimates(problem, &genes, &covariance, &systematic);
     let children = identification.counters().evaluations.max(1);
     Fit {
         estimates,
@@ -437,6 +431,34 @@ fn search<S: Stepper<f64>>(
         visits,
         inflation,
     }
+}
+
+/// Covariance of the free parameters, in the product of their units, from that of their genes for white noise.
+fn in_units(
+    problem: &Problem<'_, f64>,
+    of_genes: &SMatrix<f64, MAX_FREE, MAX_FREE>,
+    inflation: f64,
+) -> Vec<Vec<f64>> {
+    let range = |gene: usize| problem.free[gene].range();
+    let entry =
+        |row: usize, column: usize| of_genes[(row, column)] * inflation * (range(row) * range(column));
+    let count = problem.free.len();
+    (0..count).map(|row| (0..count).map(|column| entry(row, column)).collect()).collect()
+}
+
+/// Estimates of the free parameters, with what noise and systematic errors, in genes, make of them.
+fn estimates(
+    problem: &Problem<'_, f64>,
+    genes: &[f64; MAX_FREE],
+    covariance: &[Vec<f64>],
+    systematic: &[f64; MAX_FREE],
+) -> Vec<Estimate> {
+    let estimate = |(gene, free): (usize, &Free<f64>)| {
+        let standard_error = covariance[gene][gene].sqrt().hypot(systematic[gene] * free.range());
+        let range = Range { parameter: free.parameter, lower: free.lower, upper: free.upper };
+        Estimate::new(&range, free.value(genes[gene]), standard_error)
+    };
+    problem.free.iter().enumerate().map(estimate).collect()
 }
 
 /// The place of the last child, or of the best finish.

@@ -16,13 +16,13 @@ pub const TYPICAL_NOISE: [f64; MEASURED] = {
     [user, user, current, 2e4]
 };
 
-/// Noise below which a channel is not believed: 0.1 um of position, and what that is in the other channels of the source's
-/// actuator.
+/// Noise below which a channel is not believed: 0.1 um of position, and what that is in the other channels of the
+/// source's actuator.
 pub const SMALLEST_NOISE: [f64; MEASURED] = [1e-7, 1e-7, 1e-3, 1e3];
 
 /// Error of a model in each measured channel though nothing is missing: how far its steps, or those of the program that
-/// made a record, may be off the solution of the equations. It repeats itself, and an effect that changes a prediction by
-/// less does not matter.
+/// made a record, may be off the solution of the equations. It repeats itself, and an effect that changes a prediction
+/// by less does not matter.
 pub const MODEL_ERROR: [f64; MEASURED] = [0.3e-6, 0.3e-6, 3e-3, 3e3];
 
 /// A command that turns at fewer than one in so many samples goes in straight lines.
@@ -94,7 +94,8 @@ pub fn noise_of_series(values: &[f64]) -> f64 {
     spread(values, quantum).max(quantum / 12.0_f64.sqrt())
 }
 
-/// The same from the differences alone, those of values that are multiples of a quantum (0: of any).
+/// Standard deviation of the white part of a series from its fourth differences alone, those of values that are
+/// multiples of a quantum (0: of any).
 fn spread(values: &[f64], quantum: f64) -> f64 {
     let mut differences: Vec<f64> = values
         .windows(5)
@@ -108,8 +109,8 @@ fn spread(values: &[f64], quantum: f64) -> f64 {
     median(&differences, quantum) / 0.674_489_75 / 70.0_f64.sqrt()
 }
 
-/// Median of magnitudes in order, some of them. Those that are multiples of a quantum stand for all that lies half of it
-/// around each: the middle one alone would err by that much.
+/// Median of magnitudes in order, some of them. Those that are multiples of a quantum stand for all that lies half of
+/// it around each: the middle one alone would err by that much.
 fn median(magnitudes: &[f64], quantum: f64) -> f64 {
     let middle = magnitudes[magnitudes.len() / 2];
     let below = magnitudes.partition_point(|&magnitude| magnitude < middle - 0.5 * quantum);
@@ -207,8 +208,8 @@ pub fn correlation_time(all: &[Vec<f64>]) -> f64 {
     time
 }
 
-/// Sums of the products of series with themselves some samples later. The first ones are summed; all of those that follow
-/// come out of one transform, because what drifts is correlated over its whole length.
+/// Sums of the products of series with themselves some samples later. The first ones are summed; all of those that
+/// follow come out of one transform, because what drifts is correlated over its whole length.
 struct LaggedProducts<'a> {
     all: &'a [Vec<f64>],
     rest: Option<Vec<f64>>,

@@ -3,9 +3,9 @@
 use realfft::RealFftPlanner;
 use std::f64::consts::TAU;
 
-/// Periodograms of the pieces of series (one for each record; NaN is a sample that is not compared), `length` samples each,
-/// from 0 Hz to half the sampling rate: mean of the series removed, Hann window, half overlap (Welch 1967). Each line of
-/// white noise is its variance on average.
+/// Periodograms of the pieces of series (one for each record; NaN is a sample that is not compared), `length` samples
+/// each, from 0 Hz to half the sampling rate: mean of the series removed, Hann window, half overlap (Welch 1967). Each
+/// line of white noise is its variance on average.
 pub fn periodograms(all: &[Vec<f64>], length: usize) -> Vec<Vec<f64>> {
     let window: Vec<f64> =
         (0..length).map(|k| 0.5 - 0.5 * (TAU * (k as f64 + 0.5) / length as f64).cos()).collect();

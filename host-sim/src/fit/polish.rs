@@ -101,7 +101,7 @@ pub fn misfit(rig: &Rig, ranges: &[Range], values: &[f64], records: &[Prepared])
     misfit_within(rig, ranges, values, records, f64::INFINITY)
 }
 
-/// The same, given up as soon as chi-square is above a bound: what has been summed by then.
+/// The misfit of some values, given up as soon as chi-square is above a bound: what has been summed by then.
 pub fn misfit_within(
     rig: &Rig,
     ranges: &[Range],

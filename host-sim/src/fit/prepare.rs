@@ -55,7 +55,8 @@ pub struct Prepared {
     law: Option<Law<f64>>,
     holds: bool,
     drive: Vec<f64>,
-    /// What the step in which the command was recorded may move a prediction of each measured channel by, rms, in its unit.
+    /// What the step in which the command was recorded may move a prediction of each measured channel by, rms, in its
+    /// unit.
     pub lost: [f64; MEASURED],
 }
 
@@ -123,10 +124,11 @@ impl Prepared {
         })
     }
 
-    /// The same record, its command on the path that a rig says. It must be on straight lines now: the samples themselves.
+    /// The same record, its command on the path that a rig says. It must be on straight lines now: the samples
+    /// themselves.
     ///
-    /// The current of a controller at a sample answers the sample, and the model's the knot beside it: the recorded one is
-    /// taken there, unless it is at its limit.
+    /// The current of a controller at a sample answers the sample, and the model's the knot beside it: the recorded one
+    /// is taken there, unless it is at its limit.
     #[must_use]
     pub fn along(&self, rig: &Rig) -> Self {
         let Knots { command, arriving } = rig.knots(&self.command);
@@ -142,8 +144,8 @@ impl Prepared {
         Self { command, arriving, measured, ..self.clone() }
     }
 
-    /// The same record, knowing what its command may have lost to the step in which it was recorded: that much error of a
-    /// prediction is noise, of as many samples as it stays the same.
+    /// The same record, knowing what its command may have lost to the step in which it was recorded: that much error of
+    /// a prediction is noise, of as many samples as it stays the same.
     fn with_losses(mut self, rig: &Rig, step: f64) -> Self {
         let moved = self.moved_within(step);
         let [as_recorded, moved] =
@@ -158,8 +160,8 @@ impl Prepared {
         self
     }
 
-    /// The same record, whose noise was taken for white, with noise of a colour. Where it is not known but was estimated, the
-    /// estimate saw a part of it only.
+    /// The same record, whose noise was taken for white, with noise of a colour. Where it is not known but was
+    /// estimated, the estimate saw a part of it only.
     #[must_use]
     pub fn coloured(&self, colour: [f64; MEASURED], is_known: [bool; MEASURED]) -> Self {
         let noise = std::array::from_fn(|channel| {
@@ -174,8 +176,8 @@ impl Prepared {
         std::array::from_fn(|channel| self.noise[channel] / as_white(self.colour[channel]))
     }
 
-    /// The same record with its command moved by as much as it may have lost to a step, and as fast as it crosses steps: up
-    /// on even ones, down on odd ones.
+    /// The same record with its command moved by as much as it may have lost to a step, and as fast as it crosses
+    /// steps: up on even ones, down on odd ones.
     fn moved_within(&self, step: f64) -> Self {
         let lost = step / 12.0_f64.sqrt();
         let is_even = |value: f64| (value / step).round() % 2.0 == 0.0;
@@ -185,9 +187,9 @@ impl Prepared {
         Self { command: moved(&self.command), arriving: moved(&self.arriving), ..self.clone() }
     }
 
-    /// Samples after which a closed loop that starts at rest has forgotten that: it is where it would be had it moved as
-    /// measured, the ram off the user by half of the largest backlash to either side. The other faults are in the middle of
-    /// their ranges.
+    /// Samples after which a closed loop that starts at rest has forgotten that: it is where it would be had it moved
+    /// as measured, the ram off the user by half of the largest backlash to either side. The other faults are in the
+    /// middle of their ranges.
     fn forgets(&self, rig: &Rig, moving: Start<f64>) -> usize {
         let mut rig = rig.clone();
         let mut reach = START_REACH;
@@ -279,9 +281,9 @@ pub fn prepare(rig: &Rig, record: &Record) -> Prepared {
 /// fit's.
 ///
 /// A closed loop starts at rest where the command is, if the first sample agrees with that (the next ones may be moving
-/// already); else where the first samples are, and nothing is compared before it has forgotten that (0.1 s or more, at most
-/// half of the record). An open loop starts anew from the measured position and velocity at each restart, and a known
-/// controller closes the loop from those at the start on: its first 0.1 s is not compared.
+/// already); else where the first samples are, and nothing is compared before it has forgotten that (0.1 s or more, at
+/// most half of the record). An open loop starts anew from the measured position and velocity at each restart, and a
+/// known controller closes the loop from those at the start on: its first 0.1 s is not compared.
 pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepared {
     let values = |channel: Channel| record.channel(channel).map(<[f64]>::to_vec);
     let mut command = values(Channel::Command).unwrap_or_default();

@@ -1,8 +1,8 @@
 //! Samples that no actuator makes: spikes on the line of a sensor, words of a bus that were lost or came twice.
 //!
-//! One of them weighs in a sum of squares as much as thousands of good samples, and a fit would call it friction. They are
-//! told from motion without a model: a position does not jump and jump back. A corner of the motion, such as the user's
-//! where the backlash is used up, continues the line on one side of it; a spike continues neither.
+//! One of them weighs in a sum of squares as much as thousands of good samples, and a fit would call it friction. They
+//! are told from motion without a model: a position does not jump and jump back. A corner of the motion, such as the
+//! user's where the backlash is used up, continues the line on one side of it; a spike continues neither.
 
 use crate::fit;
 use crate::record::Record;
@@ -12,11 +12,11 @@ use std::ops::Range;
 
 /// Departure from the lines on both sides, in standard deviations of the noise, that makes a spike.
 const SPIKE_SIGMA: f64 = 10.0;
-/// The same in departures that are usual around it.
+/// Departure in those that are usual around it that makes a spike; both are asked for.
 const UNUSUAL: f64 = 5.0;
-/// Where a spike of a position lasts for several samples, or at an end of a record, where only one side is there: how far it
-/// jumps, in the largest steps within and around it, and of the record but for one in a hundred. A corner of the motion is as
-/// large as one step.
+/// Where a spike of a position lasts for several samples, or at an end of a record, where only one side is there: how
+/// far it jumps, in the largest steps within and around it, and of the record but for one in a hundred. A corner of the
+/// motion is as large as one step.
 const STEPS: f64 = 3.0;
 /// Longest spike of a position, s. Other quantities may jump and jump back.
 const LONGEST_S: f64 = 0.02;
@@ -26,10 +26,11 @@ const AROUND: usize = 10;
 const REACH: usize = 5;
 /// Share of defects above which they are what the channel is like.
 const MOST: f64 = 0.05;
-/// Friction cannot set the pressure of an actuator that moves as high as that share of the supply's, and when it lets go, the
-/// pressure falls within a sample.
+/// Friction cannot set the pressure of an actuator that moves as high as that share of the supply's, and when it lets
+/// go, the pressure falls within a sample.
 const PRESSURE_SHARE: f64 = 0.5;
-/// What the line through two neighbours makes of white noise in three samples, in its standard deviation: `sqrt(1 + 4 + 1)`.
+/// What the line through two neighbours makes of white noise in three samples, in its standard deviation: `sqrt(1 + 4 +
+/// 1)`.
 const OF_THREE: f64 = 2.449_489_742_783_178;
 
 /// What is wrong with the samples of a channel: indices, in order.
@@ -138,8 +139,8 @@ fn lost(values: &[f64], samples: &[usize]) -> Vec<f64> {
     values
 }
 
-/// Samples that lie off the lines on both sides by more than `least` on the same side; where the quantity cannot jump, runs of
-/// them too, of at most `longest`, and those at an end.
+/// Samples that lie off the lines on both sides by more than `least` on the same side; where the quantity cannot jump,
+/// runs of them too, of at most `longest`, and those at an end.
 fn spikes(values: &[f64], least: f64, longest: Option<usize>) -> Vec<usize> {
     let mut large: Vec<f64> = steps(values).collect();
     large.sort_by(f64::total_cmp);
@@ -167,8 +168,8 @@ fn spikes(values: &[f64], least: f64, longest: Option<usize>) -> Vec<usize> {
     }
 }
 
-/// Does a run of a single sample lie off the lines on both sides, and off the cubic through both, by more than `least` and than
-/// is usual around it?
+/// Does a run of a single sample lie off the lines on both sides, and off the cubic through both, by more than `least`
+/// and than is usual around it?
 fn is_single_spike(values: &[f64], run: &Range<usize>, least: f64) -> bool {
     let sides = [before(values, run), after(values, run)];
     let [Some(entry), Some(exit), Some(across)] = [
@@ -189,8 +190,8 @@ fn is_single_spike(values: &[f64], run: &Range<usize>, least: f64) -> bool {
     smallest > UNUSUAL * bends.get(bends.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Does a run lie off what is on both sides of it by more than `jump` and than the steps within and around it, and off the
-/// lines there?
+/// Does a run lie off what is on both sides of it by more than `jump` and than the steps within and around it, and off
+/// the lines there?
 fn is_jump(values: &[f64], run: &Range<usize>, jump: f64) -> bool {
     let sides = [before(values, run), after(values, run)];
     let largest = sides.into_iter().chain([&values[run.clone()]]).flat_map(steps).fold(0.0, f64::max);
@@ -223,8 +224,8 @@ fn steps(values: &[f64]) -> impl Iterator<Item = f64> + '_ {
     values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| step.is_finite())
 }
 
-/// How far a sample lies off the line through the nearest two of the samples on one side, in units in which white noise has
-/// its own standard deviation; none where they are lost.
+/// How far a sample lies off the line through the nearest two of the samples on one side, in units in which white noise
+/// has its own standard deviation; none where they are lost.
 fn departure(values: &[f64], at: usize, side: impl Iterator<Item = usize>) -> Option<f64> {
     let mut present = side.take(REACH).filter(|&sample| values[sample].is_finite());
     let (near, far) = (present.next()?, present.next()?);
@@ -233,8 +234,8 @@ fn departure(values: &[f64], at: usize, side: impl Iterator<Item = usize>) -> Op
     Some(off / (1.0 + (1.0 + slope) * (1.0 + slope) + slope * slope).sqrt())
 }
 
-/// How far a sample lies off the cubic through the two samples on each side, in the same units: what bends does not; none
-/// where one is lost.
+/// How far a sample lies off the cubic through the two samples on each side, in the same units: what bends does not;
+/// none where one is lost.
 fn from_cubic(values: &[f64], at: usize) -> Option<f64> {
     let around = values.get(at.checked_sub(2)?..at + 3)?;
     let foretold = (4.0 * (around[1] + around[3]) - around[0] - around[4]) / 6.0;
@@ -246,8 +247,8 @@ fn bend(three: &[f64]) -> f64 {
     (three[0] - 2.0 * three[1] + three[2]).abs() / OF_THREE
 }
 
-/// Samples of a position that repeat the one before them, and then it jumps by more than `least` and than the steps around:
-/// what moved on meanwhile. Something that stood still starts with a step like those that follow.
+/// Samples of a position that repeat the one before them, and then it jumps by more than `least` and than the steps
+/// around: what moved on meanwhile. Something that stood still starts with a step like those that follow.
 fn stuck(values: &[f64], least: f64) -> Vec<usize> {
     let (mut found, mut start) = (Vec::new(), 0);
     for run in values.chunk_by(|a, b| a == b) {

@@ -228,21 +228,21 @@ impl RecordError {
         Self(Box::new(Report { file: file.to_owned(), line: None, field: None, sample: None, problem }))
     }
 
-    /// The same, at a line of the file; the first line is 1.
+    /// The error at a line of the file; the first line is 1.
     #[must_use]
     pub fn at_line(mut self, line: u64) -> Self {
         self.0.line = Some(line);
         self
     }
 
-    /// The same, in a column or a variable.
+    /// The error in a column or a variable.
     #[must_use]
     pub fn in_field(mut self, field: Field) -> Self {
         self.0.field = Some(field);
         self
     }
 
-    /// The same, at a sample of a series that has no lines; the first sample is 1.
+    /// The error at a sample of a series that has no lines; the first sample is 1.
     #[must_use]
     pub fn at_sample(mut self, sample: usize) -> Self {
         self.0.sample = Some(sample);

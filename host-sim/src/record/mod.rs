@@ -192,6 +192,18 @@ impl Record {
         self.channel(channel).map_or(0, table::missing)
     }
 
+    /// The record with every sample of its command one sample earlier, the last one repeated.
+    #[must_use]
+    pub fn with_earlier_command(&self) -> Self {
+        let mut record = self.clone();
+        for (_, values) in record.series.iter_mut().filter(|(channel, _)| *channel == Channel::Command) {
+            let last = values.len() - 1;
+            values.copy_within(1.., 0);
+            values[last] = values[last - 1];
+        }
+        record
+    }
+
     /// The same record, samples of its measured channels lost: `samples` tells which of a channel. A channel keeps
     /// its own where fewer than [`MIN_SAMPLES`] would be left.
     #[must_use]

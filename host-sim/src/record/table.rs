@@ -8,7 +8,7 @@ use super::{Loaded, MIN_SAMPLES, ReadOptions, Record, plausible};
 
 /// Above this period, s, the unit of the time is doubted in a warning.
 const SLOW_SAMPLING: f64 = 0.1;
-/// The same below this one.
+/// Below this period, s, too.
 const FAST_SAMPLING: f64 = 1e-5;
 
 /// The values of one channel, in its unit, and where they came from. NaN is a missing sample.

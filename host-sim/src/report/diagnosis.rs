@@ -27,10 +27,10 @@ pub(crate) struct Diagnosed<'a> {
     pub(crate) names: &'a [String],
     /// The answer.
     pub(crate) diagnosis: &'a Diagnosis,
-    /// Errors in closed loop and over open windows, before and after, of each of the parts; none where the controller is
-    /// not known.
+    /// Errors in closed loop and over open windows, before and after, of each of the parts; none where the controller
+    /// is not known.
     pub(crate) loops: &'a OfParts<LoopScore>,
-    /// The same as JSON: notes, next experiment, configuration.
+    /// The diagnosis as JSON: notes, next experiment, configuration.
     pub(crate) result: &'a Value,
 }
 

@@ -17,7 +17,7 @@ pub(super) struct Compared<'a> {
     pub(super) name: String,
     /// The record.
     pub(super) record: &'a Record,
-    /// The same, as it was fitted.
+    /// The record as it was fitted.
     pub(super) prepared: &'a Prepared,
     /// Models: their role, their name and what they predict.
     pub(super) models: Vec<(Role, &'static str, &'a [Outputs<f64>])>,

@@ -29,7 +29,7 @@ impl Reproduced {
     }
 }
 
-/// The same healthy actuator by both models, flying one command.
+/// A healthy actuator by both models, flying one command.
 pub(crate) struct Portrait {
     /// Name of the command.
     pub(crate) command: &'static str,
@@ -37,7 +37,7 @@ pub(crate) struct Portrait {
     pub(crate) sample_period: f64,
     /// User position by the high-fidelity model, m.
     pub(crate) high: Vec<f64>,
-    /// The same by the monitor's model, m.
+    /// User position by the monitor's model, m.
     pub(crate) low: Vec<f64>,
 }
 

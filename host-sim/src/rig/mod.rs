@@ -76,7 +76,8 @@ pub struct Rig {
     /// The command of each record carries an unknown constant offset against the position: it is fitted with everything
     /// else, one for each record. False where such an offset would be a finding.
     pub command_offset: bool,
-    /// What the command of a record does between its samples, where a valve drives: a known controller sees the samples alone.
+    /// What the command of a record does between its samples, where a valve drives: a known controller sees the samples
+    /// alone.
     pub command_path: CommandPath,
     /// Open loop: the model starts anew from the measured state every so many seconds.
     pub restart_s: Option<f64>,
@@ -122,7 +123,7 @@ impl Rig {
         ranges
     }
 
-    /// The same in open loop.
+    /// The rig without its controller: in open loop.
     #[must_use]
     pub fn opened(&self) -> Self {
         Self { controller: None, ..self.clone() }

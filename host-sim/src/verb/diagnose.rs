@@ -102,6 +102,12 @@ impl Job<'_> {
             bar.set_position((share * 100.0) as u64);
             bar.set_message(what.to_owned());
         });
+        if diagnosis.verdict == Verdict::Unexplained
+            && !interrupt::requested()
+            && fit::is_command_late(&self.rig, &self.rig.declared(), &self.train, &settings)
+        {
+            self.record_notes.push(output::LATE_COMMAND.to_owned());
+        }
         bar.finish_and_clear();
         self.rig.command_path = diagnosis.rig.command_path;
         if let Some(left) = &mut diagnosis.left {

@@ -1,7 +1,7 @@
 //! `identify`: the declared faults from records.
 
 use super::printouts::{self, Truth};
-use super::{DEFAULT_RIG, FitOptions, Fitted, converged, fit_records, save_trace};
+use super::{DEFAULT_RIG, FitOptions, Fitted, SUSPECT, converged, fit_records, save_trace};
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::fit::{self, LoopScore};
@@ -97,7 +97,7 @@ fn notes(fitted: &Fitted) -> Vec<String> {
     if fit.interrupted {
         notes.push("interrupted: this is what was found so far, not the bottom of the search".to_owned());
     }
-    if fit.misfit.mean_square() > 2.0 {
+    if fit.misfit.mean_square() > SUSPECT {
         notes.push(format!(
             "the residual is {:.1} times the noise: the model lacks something; `diagnose` looks for it",
             fit.misfit.mean_square().sqrt()

@@ -79,7 +79,7 @@ impl InputOptions {
             .collect()
     }
 
-    /// The same as JSON, for the configuration of a result.
+    /// These options as JSON, for the configuration of a result.
     fn json(&self) -> Value {
         json!({ "columns": self.columns, "rate_Hz": self.rate, "from_s": self.from, "to_s": self.to })
     }
@@ -92,7 +92,8 @@ impl InputOptions {
         Ok(self.load(common, paths)?.into_iter().map(|loaded| loaded.record).collect())
     }
 
-    /// The records as a fit takes them, what is wrong with their samples left out; and what the user should know of them.
+    /// The records as a fit takes them, what is wrong with their samples left out; and what the user should know of
+    /// them.
     ///
     /// # Errors
     /// As [`load`](Self::load).
@@ -271,6 +272,9 @@ struct Fitted {
     trace: Option<PathBuf>,
 }
 
+/// Mean square of the residual, in units of the noise, above which a model is said to lack something.
+const SUSPECT: f64 = 2.0;
+
 /// Reads records and fits the ranges that `choose` takes from the rig.
 fn fit_records(
     common: &Common,
@@ -281,7 +285,7 @@ fn fit_records(
     interrupt::watch()?;
     let rig = rig(common, default_rig)?;
     let ranges = with_bounds(&choose(&rig), &options.bounds)?;
-    let (records, record_notes) = options.input.read_for_fit(common, &options.records, &rig)?;
+    let (records, mut record_notes) = options.input.read_for_fit(common, &options.records, &rig)?;
     let noise_source = fit::noise_source(&rig, &records);
     let prepared: Vec<Prepared> = records.iter().map(|record| fit::prepare(&rig, record)).collect();
     let settings = FitSettings { seed: common.seed, population: options.population, budget: options.budget };
@@ -289,6 +293,12 @@ fn fit_records(
     let show = |standing| output::show_standing(&bar, standing);
     let OnPath { rig, records: prepared, fit, is_open: path_open } =
         fit::fit_on_path(rig, &ranges, prepared, &settings, show);
+    let is_late = !fit.interrupted
+        && fit.misfit.mean_square() > SUSPECT
+        && fit::is_command_late(&rig, &ranges, &records, &settings);
+    if is_late {
+        record_notes.push(output::LATE_COMMAND.to_owned());
+    }
     bar.finish_and_clear();
     let names = options.records.iter().map(|path| path.display().to_string()).collect();
     let population = options.population;

@@ -35,7 +35,7 @@ pub enum Command {
     },
     /// Samples from time zero on at a period (s), joined by straight lines, the last one held.
     Sampled(Vec<f64>, f64),
-    /// The same, each held until the next one.
+    /// Samples from time zero on at a period (s), each held until the next one.
     Held(Vec<f64>, f64),
 }
 
