@@ -196,7 +196,11 @@ fn delay(one: &Inspection) -> Markup {
 fn noise(one: &Inspection, facts: &ChannelFacts) -> Markup {
     let Some(noise) = facts.noise else { return html! {} };
     let info = facts.channel.info();
-    let values = bridged(one.record.channel(facts.channel).unwrap_or_default());
+    let mut values = one.record.channel(facts.channel).unwrap_or_default().to_vec();
+    for sample in facts.defects.iter().flat_map(|defects| defects.spikes.iter().chain(&defects.stuck)) {
+        values[*sample] = f64::NAN;
+    }
+    let values = bridged(&values);
     let Some(found) = spectrum(&[values], one.record.sample_period_s(), noise) else { return html! {} };
     let frequencies: Vec<f64> = found.points.iter().map(|point| point[0]).collect();
     let [low, high] = found.white;
@@ -209,8 +213,8 @@ fn noise(one: &Inspection, facts: &ChannelFacts) -> Markup {
         legend: Vec::new(),
         ramp: None,
         note: format!(
-            "Amplitude density (Welch); lost samples are bridged by straight lines for it. Shaded: 95 % band of white \
-             noise of {}, which the curve should reach where the motion ends.",
+            "Amplitude density (Welch); samples that are lost or left out are bridged by straight lines for it. \
+             Shaded: 95 % band of white noise of {}, which the curve should reach where the motion ends.",
             shown(noise, info.unit)
         ),
         x: Axis::decades("frequency", "Hz", frequencies.into_iter()),
