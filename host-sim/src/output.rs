@@ -92,8 +92,7 @@ pub const LATE_COMMAND: &str =
 /// The directory or the file cannot be written.
 pub fn write_file(path: &Path, content: &[u8]) -> Result<(), Failure> {
     let fail = |error: std::io::Error| Failure::other(format!("cannot write {}: {error}", path.display()));
-    let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    std::fs::create_dir_all(directory).map_err(fail)?;
+    path.parent().map_or(Ok(()), std::fs::create_dir_all).map_err(fail)?;
     whole_file::save(path, |out| out.write_all(content)).map_err(fail)
 }
 

@@ -140,7 +140,7 @@ impl Candidate {
     /// The rig with the effect and the fitted values.
     pub(super) fn applied(&self, rig: &Rig) -> Rig {
         let mut rig = self.fit.applied(rig, &self.ranges);
-        if rig.effects.iter().all(|known| known.name != self.effect.name) {
+        if !rig.effects.contains(&self.effect) {
             rig.effects.push(self.effect);
         }
         rig

@@ -419,7 +419,7 @@ impl Hypothesis {
         let mut added = self.added.clone();
         added.retain(|known| known.name != effect.name);
         let mut rig = self.rig.clone();
-        if case.rig.effects.iter().all(|known| known.name != effect.name) {
+        if !case.rig.effects.contains(&effect) {
             rig.effects.retain(|known| known.name != effect.name);
         }
         for &parameter in effect.parameters {

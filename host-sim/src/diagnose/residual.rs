@@ -184,15 +184,14 @@ pub fn describe(record: &Prepared, outputs: &[Outputs<f64>]) -> Description {
         ("the speed", velocity.iter().map(|v| v.abs()).collect()),
         ("time (a drift)", (0..count).map(|k| k as f64 / count as f64 - 0.5).collect()),
     ];
-    let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|x| x * x).sum::<f64>().sqrt();
-    let size = norm(&mut residual.iter().copied());
+    let norm = |a: &[f64]| a.iter().map(|x| x * x).sum::<f64>().sqrt();
     let follows = features
         .iter()
         .map(|(name, feature)| {
             let product: f64 = residual.iter().zip(feature).map(|(a, b)| a * b).sum();
-            let moved =
-                norm(&mut (0..count).filter(|&sample| is_there(sample)).map(|sample| feature[sample]));
-            (*name, product / (size * moved).max(f64::MIN_POSITIVE))
+            let compared: Vec<f64> =
+                (0..count).filter(|&sample| is_there(sample)).map(|sample| feature[sample]).collect();
+            (*name, product / (norm(&residual) * norm(&compared)).max(f64::MIN_POSITIVE))
         })
         .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
         .filter(|(_, correlation)| correlation.abs() > 0.5);

@@ -168,7 +168,7 @@ fn answers(rig: &Rig, record: &Prepared, outputs: &[Outputs<f64>]) -> [Vec<f64>;
     // A step that the model has already is not moved in time for that.
     let mut calm = rig.clone();
     calm.parameters.set(Parameter::StepLoad, 0.0);
-    let has_step = calm.parameters != rig.parameters;
+    let has_step = rig.parameters.get(Parameter::StepLoad) != 0.0;
     let calm_outputs = has_step.then(|| fit::predict(&calm, std::slice::from_ref(record)).concat());
     let outputs = calm_outputs.as_deref().unwrap_or(outputs);
     for step in 0..STEPS {

@@ -24,4 +24,4 @@ pub use build::{
 pub use error::EmulatorError;
 pub use footprint::Footprint;
 pub use log::{LogLine, ResultValue, RunLog};
-pub use qemu::{Emulator, Machine};
+pub use qemu::{DEFAULT_TIME_LIMIT, Emulator, Machine};

@@ -16,7 +16,7 @@ use std::{
 const QEMU: &str = "qemu-system-arm";
 
 /// Time limit of a run unless one is given. A billion instructions take some 2 s.
-const DEFAULT_TIME_LIMIT: Duration = Duration::from_mins(2);
+pub const DEFAULT_TIME_LIMIT: Duration = Duration::from_mins(2);
 
 /// How often a run is asked whether it has ended.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);

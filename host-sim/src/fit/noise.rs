@@ -210,7 +210,8 @@ pub fn correlation_time(all: &[Vec<f64>]) -> f64 {
 
 /// Sums of the products of series with themselves some samples later. The first ones are summed; all of those that
 /// follow come out of one transform, because what drifts is correlated over its whole length.
-struct LaggedProducts<'a> {
+#[derive(Debug)]
+pub struct LaggedProducts<'a> {
     all: &'a [Vec<f64>],
     rest: Option<Vec<f64>>,
 }
@@ -219,11 +220,13 @@ impl<'a> LaggedProducts<'a> {
     /// Lags that are summed one by one.
     const FEW: usize = 256;
 
-    const fn new(all: &'a [Vec<f64>]) -> Self {
+    /// Of series, one for each record; NaN adds nothing.
+    pub const fn new(all: &'a [Vec<f64>]) -> Self {
         Self { all, rest: None }
     }
 
-    fn at(&mut self, lag: usize) -> f64 {
+    /// The sum for so many samples later.
+    pub fn at(&mut self, lag: usize) -> f64 {
         let all = self.all;
         if lag > Self::FEW {
             let rest = self.rest.get_or_insert_with(|| autocorrelations(all));

@@ -207,8 +207,8 @@ impl Prepared {
         let at_rest = from(self.starts[0]);
         let differs = |other: &[Outputs<f64>], channel: usize| {
             let limit = MODEL_ERROR[channel];
-            let last = differences(&at_rest, other, channel).collect::<Vec<_>>();
-            last.iter().rposition(|difference| difference.abs() > limit).map_or(0, |sample| sample + 1)
+            let far = differences(&at_rest, other, channel).enumerate().filter(|(_, by)| by.abs() > limit);
+            far.last().map_or(0, |(sample, _)| sample + 1)
         };
         let known = (0..MEASURED).filter(|&channel| self.noise[channel].is_finite());
         let others = [-reach, reach].map(|off| from(Start { ram: moving.ram + off, ..moving }));

@@ -1,7 +1,7 @@
 //! The line to the monitor: an emulated board's, or a serial port.
 
 use super::Session;
-use crate::emulator::{Binary, BuildOptions, Emulator, EmulatorError, Machine, RunLog};
+use crate::emulator::{Binary, BuildOptions, DEFAULT_TIME_LIMIT, Emulator, EmulatorError, Machine, RunLog};
 use crate::failure::Failure;
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -13,9 +13,7 @@ use std::time::{Duration, Instant};
 const CONNECT_LIMIT: Duration = Duration::from_secs(20);
 /// How long a serial port may say nothing, beyond what its monitor needs, before the run is ended.
 const SILENCE_LIMIT: Duration = Duration::from_secs(5);
-/// How long an emulated board may run, beyond its time on the windows of a session, and what that is: some 0.1 s each on a
-/// quiet host.
-const BOARD_LIMIT: Duration = Duration::from_mins(2);
+/// How much longer than other images an emulated board may run for each window of a session: some 0.1 s on a quiet host.
 const WINDOW_LIMIT: Duration = Duration::from_secs(1);
 
 /// Both directions of a line.
@@ -41,7 +39,8 @@ impl Line {
         listener.set_nonblocking(true).map_err(Failure::other)?;
         let port = listener.local_addr().map_err(Failure::other)?.port();
         let windows = u32::try_from(session.windows()).unwrap_or(u32::MAX);
-        let emulator = Emulator::new(machine).time_limit(BOARD_LIMIT + WINDOW_LIMIT.saturating_mul(windows));
+        let emulator =
+            Emulator::new(machine).time_limit(DEFAULT_TIME_LIMIT + WINDOW_LIMIT.saturating_mul(windows));
         let board = thread::spawn(move || emulator.line(port).run(&firmware));
         let deadline = Instant::now() + CONNECT_LIMIT;
         let stream: TcpStream = loop {

@@ -45,14 +45,14 @@ pub struct Defects {
 }
 
 impl Defects {
-    /// Both kinds together.
-    fn count(&self) -> usize {
-        self.spikes.len() + self.stuck.len()
+    /// The samples of both kinds.
+    pub fn samples(&self) -> impl Iterator<Item = usize> + '_ {
+        self.spikes.iter().chain(&self.stuck).copied()
     }
 
     /// Are they so many that they are no defects, and left in?
     fn is_usual(&self, record: &Record) -> bool {
-        self.count() as f64 > MOST * record.len() as f64
+        self.samples().count() as f64 > MOST * record.len() as f64
     }
 
     /// The defects in words; `record` is the one that has them.
@@ -103,7 +103,7 @@ fn defects(rig: &Rig, record: &Record) -> Vec<Defects> {
                     (Vec::new(), spikes)
                 }
             };
-            Some(Defects { channel, spikes, stuck }).filter(|defects| defects.count() > 0)
+            Some(Defects { channel, spikes, stuck }).filter(|defects| defects.samples().next().is_some())
         })
         .collect()
 }
@@ -124,7 +124,7 @@ pub fn screen(rig: &Rig, record: &Record) -> Screened {
     let defects = defects(rig, record);
     let left_out = |channel: Channel| -> Vec<usize> {
         let mut of_channel = defects.iter().filter(|of| of.channel == channel && !of.is_usual(record));
-        of_channel.next().map_or_else(Vec::new, |of| of.spikes.iter().chain(&of.stuck).copied().collect())
+        of_channel.next().map_or_else(Vec::new, |of| of.samples().collect())
     };
     let notes = defects.iter().map(|of| format!("{}: {}", record.name(), of.in_words(record))).collect();
     Screened { record: record.with_lost(left_out), notes, defects }

@@ -8,6 +8,7 @@ use super::rows::{Row, Rows, Shape};
 use super::scale::{Axis, shown};
 use super::statistics::spectrum;
 use crate::inspect::excitation::{SHOWN, grade};
+use crate::inspect::screen::Defects;
 use crate::inspect::{ChannelFacts, Inspection, rests};
 use crate::output::counted;
 use crate::rig::Range;
@@ -136,8 +137,7 @@ fn trace(one: &Inspection, facts: &ChannelFacts) -> Markup {
         legend.push((Role::Before, "lost, at the last value before".to_owned()));
     }
     if let Some(defects) = &facts.defects {
-        let samples = defects.spikes.iter().chain(&defects.stuck);
-        let marks = samples.map(|&sample| [record.time_s(sample), values[sample]]);
+        let marks = defects.samples().map(|sample| [record.time_s(sample), values[sample]]);
         layers.push(Layer::Dots(Role::After, marks.collect()));
         legend.push((Role::After, "spikes and stuck samples".to_owned()));
     }
@@ -197,8 +197,8 @@ fn noise(one: &Inspection, facts: &ChannelFacts) -> Markup {
     let Some(noise) = facts.noise else { return html! {} };
     let info = facts.channel.info();
     let mut values = one.record.channel(facts.channel).unwrap_or_default().to_vec();
-    for sample in facts.defects.iter().flat_map(|defects| defects.spikes.iter().chain(&defects.stuck)) {
-        values[*sample] = f64::NAN;
+    for sample in facts.defects.iter().flat_map(Defects::samples) {
+        values[sample] = f64::NAN;
     }
     let values = bridged(&values);
     let Some(found) = spectrum(&[values], one.record.sample_period_s(), noise) else { return html! {} };

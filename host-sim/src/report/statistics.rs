@@ -50,13 +50,8 @@ fn chi_square_mean(freedom: f64, normal: f64) -> f64 {
 /// Correlation of a series with itself at lags 1 to `lags` samples.
 pub(super) fn autocorrelation(all: &[Vec<f64>], lags: usize) -> Vec<f64> {
     let power: f64 = all.iter().flatten().filter(|value| value.is_finite()).map(|value| value * value).sum();
-    (1..=lags)
-        .map(|lag| {
-            let products =
-                all.iter().flat_map(|one| one.iter().zip(one.iter().skip(lag))).map(|(a, b)| a * b);
-            products.filter(|product| product.is_finite()).sum::<f64>() / power.max(f64::MIN_POSITIVE)
-        })
-        .collect()
+    let mut products = fit::LaggedProducts::new(all);
+    (1..=lags).map(|lag| products.at(lag) / power.max(f64::MIN_POSITIVE)).collect()
 }
 
 /// Correlation of a series with another one that is `lag` samples earlier, for lags from `-reach` to `reach`.
