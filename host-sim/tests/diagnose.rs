@@ -24,11 +24,16 @@ fn faulty() -> Plant {
     plant
 }
 
-/// Saves what the sensors of a plant show; neighbouring samples of the position share a part of their noise.
-fn save(directory: &Path, name: &str, record: Record, shared: f64, seed: u64) -> PathBuf {
-    let Record { command, mut lvdt, mut current, .. } = record;
-    add_filtered_noise(&mut lvdt, POSITION_NOISE, shared, seed);
-    add_noise(&mut current, CURRENT_NOISE, seed + 100);
+/// What the sensors of a plant show; neighbouring samples of the position share a part of their noise.
+fn sensed(mut record: Record, shared: f64, seed: u64) -> Record {
+    add_filtered_noise(&mut record.lvdt, POSITION_NOISE, shared, seed);
+    add_noise(&mut record.current, CURRENT_NOISE, seed + 100);
+    record
+}
+
+/// Saves what was recorded of a plant.
+fn save(directory: &Path, name: &str, record: Record) -> PathBuf {
+    let Record { command, lvdt, current, .. } = record;
     let path = directory.join(name);
     std::fs::write(&path, csv(&[("command_m", &command), ("lvdt_m", &lvdt), ("current_mA", &current)]))
         .unwrap();
@@ -56,13 +61,22 @@ fn diagnose(plant: &Plant, seed: u64) -> Value {
 }
 
 fn diagnose_flown(fly: impl Fn(&Command) -> Record, seed: u64) -> Value {
-    diagnose_sensed(fly, 0.0, seed)
+    diagnose_recorded(|command, seed| sensed(fly(command), 0.0, seed), seed)
 }
 
-fn diagnose_sensed(fly: impl Fn(&Command) -> Record, shared: f64, seed: u64) -> Value {
+/// With a flaw in the records themselves, noise and all.
+fn diagnose_flawed(plant: &Plant, flaw: impl Fn(&mut Record), seed: u64) -> Value {
+    let recorded = |command: &Command, seed| {
+        let mut record = sensed(plant.record(command, SAMPLES), 0.0, seed);
+        flaw(&mut record);
+        record
+    };
+    diagnose_recorded(recorded, seed)
+}
+
+fn diagnose_recorded(recorded: impl Fn(&Command, u64) -> Record, seed: u64) -> Value {
     let directory = tempfile::tempdir().unwrap();
-    let record =
-        |name: &str, command: Command, seed| save(directory.path(), name, fly(&command), shared, seed);
+    let record = |name: &str, command: Command, seed| save(directory.path(), name, recorded(&command, seed));
     host_sim("diagnose", |command| {
         command
             .arg(record("chirp.csv", Command::CHIRP, seed))
@@ -182,7 +196,7 @@ fn a_command_that_is_a_curve_is_no_fault() {
     for command in [Command::MixedStep, Command::SINE] {
         let flown = [("curve", fly_curve(&plant, &command)), ("lines", plant.record(&command, SAMPLES))];
         for (seed, (path, flown)) in (41..).zip(flown) {
-            let record = save(directory.path(), "flown.csv", flown, 0.0, seed);
+            let record = save(directory.path(), "flown.csv", sensed(flown, 0.0, seed));
             let result = host_sim("identify", |command| command.arg(record));
             assert_eq!(result["config"]["model"]["command_path"], path, "{result:#}");
             assert!(result["mean_square"].as_f64().unwrap() < 1.2, "{result:#}");
@@ -279,6 +293,48 @@ fn spikes_on_the_line_of_a_sensor_are_no_effect() {
     faults_are_right(&result, 4.0, "spikes");
 }
 
+/// What loggers do to records: a sensor that is read every fifth sample, rows that come twice, words of zeros, gaps that
+/// somebody filled.
+#[test]
+fn what_a_logger_does_to_records_is_no_effect() {
+    let channels = |record: &mut Record, change: &dyn Fn(&mut [f64])| {
+        for values in [&mut record.command, &mut record.lvdt, &mut record.current] {
+            change(values);
+        }
+    };
+    let flaws: [(&str, &dyn Fn(&mut Record)); 4] = [
+        ("lvdt_m: a new value every 5 samples only", &|record| {
+            for sample in 0..SAMPLES {
+                record.lvdt[sample] = record.lvdt[sample - sample % 5];
+            }
+        }),
+        ("command_m: 4 stuck samples from 0.21 to 0.83 s: lost in the sensors too, bridged", &|record| {
+            for sample in [210, 430, 630, 830] {
+                channels(record, &|values| values[sample] = values[sample - 1]);
+            }
+        }),
+        ("command_m: 2 spikes from 0.35 to 0.77 s: lost in the sensors too, bridged", &|record| {
+            for sample in [350, 770] {
+                channels(record, &|values| values[sample] = 0.0);
+            }
+        }),
+        ("lvdt_m: 19 stuck samples from 0.5 to 0.518 s: left out of every fit", &|record| {
+            for values in [&mut record.lvdt, &mut record.current] {
+                let step = (values[519] - values[499]) / 20.0;
+                for sample in 500..519 {
+                    values[sample] = values[499] + step * (sample - 499) as f64;
+                }
+            }
+        }),
+    ];
+    for (note, flaw) in flaws {
+        let result = diagnose_flawed(&faulty(), flaw, 1);
+        assert_eq!(result["verdict"], "adequate", "{note}: {result:#}");
+        assert!(result["warnings"].to_string().contains(note), "{note}: {}", result["warnings"]);
+        faults_are_right(&result, 4.0, note);
+    }
+}
+
 #[test]
 fn a_command_that_was_recorded_a_sample_late_is_suspected() {
     let lacking = |plant: &Plant, late: usize| -> Vec<bool> {
@@ -288,7 +344,7 @@ fn a_command_that_was_recorded_a_sample_late_is_suspected() {
             record.command.insert(0, record.command[0]);
             record.command.pop();
         }
-        let path = save(directory.path(), "record.csv", record, 0.0, 1);
+        let path = save(directory.path(), "record.csv", sensed(record, 0.0, 1));
         let result = host_sim("identify", |command| command.arg(path));
         ["lacks something", "recorded a sample late"]
             .map(|part| result["warnings"].to_string().contains(part))
@@ -351,7 +407,8 @@ fn what_a_sensor_filters_is_noise_and_hides_no_effect() {
     let mut loaded = faulty();
     loaded.effects.constant_load = 300.0;
     for (plant, verdict) in [(clean, "adequate"), (loaded, "explained")] {
-        let result = diagnose_sensed(|command| plant.record(command, SAMPLES), 0.6, 1);
+        let filtered = |command: &Command, seed| sensed(plant.record(command, SAMPLES), 0.6, seed);
+        let result = diagnose_recorded(filtered, 1);
         assert_eq!(result["verdict"], verdict, "{result:#}");
         let named = class(&result).iter().any(|name| name == "constant-load");
         assert_eq!(named, verdict == "explained", "{:?}", class(&result));

@@ -134,8 +134,33 @@ fn a_lost_row_is_not_uniform() {
     assert_eq!(
         found,
         "run.csv:32: column `t_s` (1): found a step of 0.002000000 s where the median step is 0.001000000 s, \
-         expected uniform sampling (within 1 %)"
+         expected uniform sampling (within 1 %); where stamps jitter or rows are lost, `--rate HZ` puts them on a grid"
     );
+    let rate = |hertz| ReadOptions { sample_rate_hz: Some(hertz), ..ReadOptions::default() };
+    let Loaded { record, warnings } =
+        parse_csv("run.csv", lost.as_bytes(), &rate(1000.0)).expect("on a grid");
+    let whole = parse(&text()).expect("valid");
+    assert_eq!((record.len(), record.sample_period_s()), (whole.record.len(), 1e-3));
+    for (channel, values) in whole.record.channels() {
+        for (sample, (&found, &value)) in record.channel(channel).expect("it").iter().zip(values).enumerate()
+        {
+            match (sample, channel) {
+                (30, Channel::UserPosition) => assert!(found.is_nan()),
+                (30, _) => assert!((found - value).abs() < 1e-8, "{found} {value}"),
+                _ => assert!((found - value).abs() < 1e-15),
+            }
+        }
+    }
+    assert_eq!(
+        warnings,
+        [
+            "run.csv: column `t_s` (1): put on a grid of 1000 Hz, by up to 0.000 ms; 1 of 60 rows are lost, the inputs \
+             bridged",
+            "run.csv: column `lvdt_m` (3): 1 of 60 samples are missing"
+        ]
+    );
+    let other = parse_csv("run.csv", lost.as_bytes(), &rate(400.0)).expect_err("another rate").to_string();
+    assert!(other.contains("expected 0.002500000 s of a rate of 400 Hz"), "{other}");
 }
 
 #[test]

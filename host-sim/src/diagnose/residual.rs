@@ -4,7 +4,7 @@ use crate::fit::{self, Prepared};
 use eha_monitor::channel::Channel;
 use eha_monitor::model::state::Outputs;
 use nalgebra::DVector;
-use std::slice;
+use std::{iter, slice};
 
 /// Channels that the model predicts.
 pub const MEASURED: usize = Channel::MEASURED.len();
@@ -97,22 +97,19 @@ pub fn gains(records: &[Prepared], before: &[Vec<Outputs<f64>>], after: &[Vec<Ou
 }
 
 /// Tests the residual of a channel; none where no record has it. A short one is tested on as many lags as a quarter of
-/// its samples.
+/// its samples. What is missing is passed over: lags count the samples that are there.
 pub fn test(all: &[Vec<f64>]) -> Option<ChannelResidual> {
     let mut power = 0.0;
     let mut count = 0;
     let mut products = [0.0; LAGS + 1];
     let mut pairs = [0_usize; LAGS + 1];
     for one in all {
-        for (index, value) in one.iter().enumerate().filter(|(_, value)| value.is_finite()) {
-            power += value * value;
-            count += 1;
-            for lag in 1..=LAGS {
-                if let Some(later) = one.get(index + lag).filter(|later| later.is_finite()) {
-                    products[lag] += value * later;
-                    pairs[lag] += 1;
-                }
-            }
+        let one = fit::present(one);
+        power += one.iter().map(|value| value * value).sum::<f64>();
+        count += one.len();
+        for lag in 1..=LAGS {
+            products[lag] += iter::zip(&one, one.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>();
+            pairs[lag] += one.len().saturating_sub(lag);
         }
     }
     let lags = LAGS.min(count / 4);

@@ -88,25 +88,36 @@ pub fn pooled(records: impl Iterator<Item = [f64; MEASURED]>) -> [f64; MEASURED]
 ///
 /// Fourth differences take out what is smooth over five samples; their spread over that of white noise is
 /// `sqrt(1 + 16 + 36 + 16 + 1)`. The median absolute value ignores steps and reversals. A quantised series at rest has
-/// mostly zero differences: the noise is then not below that of the quantum, `q/sqrt(12)`.
+/// mostly zero differences: the noise is then not below that of the quantum, `q/sqrt(12)`. Where most samples are
+/// missing, the others are taken for neighbours.
 pub fn noise_of_series(values: &[f64]) -> f64 {
+    let present = present(values);
+    let values = if 2 * present.len() < values.len() { &present } else { values };
     let quantum = quantum(values);
     spread(values, quantum).max(quantum / 12.0_f64.sqrt())
+}
+
+/// The samples of a series that are not missing.
+pub fn present(values: &[f64]) -> Vec<f64> {
+    values.iter().copied().filter(|value| value.is_finite()).collect()
 }
 
 /// Standard deviation of the white part of a series from its fourth differences alone, those of values that are
 /// multiples of a quantum (0: of any).
 fn spread(values: &[f64], quantum: f64) -> f64 {
-    let mut differences: Vec<f64> = values
-        .windows(5)
-        .map(|w| (w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]).abs())
-        .filter(|difference| difference.is_finite())
-        .collect();
+    let mut differences: Vec<f64> = fourth_differences(values).collect();
     if differences.is_empty() {
         return 0.0;
     }
     differences.sort_by(f64::total_cmp);
     median(&differences, quantum) / 0.674_489_75 / 70.0_f64.sqrt()
+}
+
+/// Magnitudes of the fourth differences of a series, where none of their samples is missing: what is smooth over five
+/// samples is not in them.
+pub fn fourth_differences(values: &[f64]) -> impl Iterator<Item = f64> + '_ {
+    let difference = |w: &[f64]| (w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]).abs();
+    values.windows(5).map(difference).filter(|difference| difference.is_finite())
 }
 
 /// Median of magnitudes in order, some of them. Those that are multiples of a quantum stand for all that lies half of
@@ -188,12 +199,13 @@ pub fn differences<'a>(
     one.iter().zip(other).map(move |(one, other)| one.to_array()[channel] - other.to_array()[channel])
 }
 
-/// How many samples of a residual say the same thing: its integrated autocorrelation time, in samples, at least 1. The
-/// sum ends at the first lag whose correlation is within its own noise.
+/// How many samples of a residual say the same thing: its integrated autocorrelation time, in samples that are not
+/// missing, at least 1. The sum ends at the first lag whose correlation is within its own noise.
 pub fn correlation_time(all: &[Vec<f64>]) -> f64 {
+    let all: Vec<Vec<f64>> = all.iter().map(|one| present(one)).collect();
     let count: usize = all.iter().map(Vec::len).sum();
-    let mut products = LaggedProducts::new(all);
-    let power: f64 = all.iter().flatten().filter(|value| value.is_finite()).map(|value| value * value).sum();
+    let mut products = LaggedProducts::new(&all);
+    let power: f64 = all.iter().flatten().map(|value| value * value).sum();
     if power == 0.0 {
         return 1.0;
     }

@@ -99,9 +99,14 @@ impl ChannelFacts {
         "on an extreme",
     ];
 
-    /// How many spikes and stuck samples.
+    /// How many spikes, flown or not, and stuck samples.
     pub fn defect_counts(&self) -> [usize; 2] {
-        self.defects.as_ref().map_or([0; 2], |defects| [defects.spikes.len(), defects.stuck.len()])
+        self.defects.as_ref().map_or([0; 2], |of| [of.spikes.len() + of.flown.len(), of.stuck.len()])
+    }
+
+    /// Samples from a reading of the sensor to the next.
+    pub fn new_value_every(&self) -> usize {
+        self.defects.as_ref().and_then(|of| of.held.as_ref()).map_or(1, |held| held.every)
     }
 
     /// The facts as a row of a table; `quantity` writes a value with its unit.
@@ -349,7 +354,7 @@ fn notes(
                 (facts.longest_gap_s * 1e3).round()
             ));
         }
-        notes.extend(facts.defects.as_ref().map(|defects| defects.in_words(record)));
+        notes.extend(facts.defects.as_ref().and_then(|defects| defects.in_words(record)));
         if let Some(noise) = facts.noise.filter(|noise| facts.quantum > 2.0 * noise) {
             notes.push(format!(
                 "{column} is read in steps of {} {}, coarser than its noise {noise:.2e}",

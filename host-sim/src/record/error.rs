@@ -125,6 +125,29 @@ pub enum Problem {
         /// The median step.
         median: f64,
     },
+    /// A rate that the user states, and the stamps have another.
+    OtherRate {
+        /// Stated, Hz.
+        rate: f64,
+        /// The median step.
+        median: f64,
+    },
+    /// Two rows within one sample of the stated rate.
+    TwoAtOnce {
+        /// Time of the row before.
+        previous: f64,
+        /// Time of this row.
+        found: f64,
+        /// Stated, Hz.
+        rate: f64,
+    },
+    /// More rows are lost than can be bridged.
+    LongGap {
+        /// Rows that are lost.
+        lost: usize,
+        /// Rows that can be.
+        most: usize,
+    },
     /// A period that is not a positive finite number.
     BadPeriod(f64),
     /// The position has the same value in every sample.
@@ -195,7 +218,21 @@ impl fmt::Display for Problem {
             Self::TimeNotUniform { step, median } => write!(
                 f,
                 "found a step of {step:.9} s where the median step is {median:.9} s, \
-                 expected uniform sampling (within 1 %)"
+                 expected uniform sampling (within 1 %); where stamps jitter or rows are lost, `--rate HZ` puts them \
+                 on a grid"
+            ),
+            Self::OtherRate { rate, median } => write!(
+                f,
+                "found a median step of {median:.9} s, expected {:.9} s of a rate of {rate} Hz",
+                rate.recip()
+            ),
+            Self::TwoAtOnce { previous, found, rate } => write!(
+                f,
+                "found {found} s after {previous} s, expected one row in each sample of a rate of {rate} Hz"
+            ),
+            Self::LongGap { lost, most } => write!(
+                f,
+                "found a gap of {lost} lost rows, expected at most {most}: cut the record there (`--from`, `--to`)"
             ),
             Self::BadPeriod(period) => {
                 write!(f, "found a sampling period of {period} s, expected a positive finite one")

@@ -26,6 +26,7 @@ pub use mat::{parse_mat, read_mat, read_mat_with};
 pub use parquet::read_parquet_with;
 
 use table::{Series, Table};
+pub(crate) use time_base::LONGEST_GAP_S;
 use time_base::Resolution;
 
 /// Fewest samples of a record, and fewest present samples of a measured channel.
@@ -50,7 +51,8 @@ pub struct Record {
 pub struct ReadOptions {
     /// Which column or variable holds which channel.
     pub columns: Mapping,
-    /// Sampling rate, Hz, for a file without time; its first sample is at 0 s.
+    /// Sampling rate, Hz, for a file without time, whose first sample is at 0 s then, or for one whose stamps are not
+    /// uniform: they are put on a grid, and rows that are lost are missing samples.
     pub sample_rate_hz: Option<f64>,
     /// First time to keep, s. The checks see only what is kept.
     pub from_s: Option<f64>,
@@ -204,18 +206,19 @@ impl Record {
         record
     }
 
-    /// The same record, samples of its measured channels lost: `samples` tells which of a channel. A channel keeps
-    /// its own where fewer than [`MIN_SAMPLES`] would be left.
+    /// The same record, some samples lost: `samples` tells which of a channel. A measured channel keeps its own where
+    /// fewer than [`MIN_SAMPLES`] would be left; an input goes on a line across them.
     #[must_use]
     pub fn with_lost(&self, samples: impl Fn(Channel) -> Vec<usize>) -> Self {
         let mut record = self.clone();
         for (channel, values) in &mut record.series {
-            if channel.info().role == ChannelRole::Measured {
-                let lost = samples(*channel);
-                if values.len() - table::missing(values) >= lost.len() + MIN_SAMPLES {
-                    for sample in lost {
-                        values[sample] = f64::NAN;
-                    }
+            let lost = samples(*channel);
+            if values.len() - table::missing(values) >= lost.len() + MIN_SAMPLES {
+                for sample in lost {
+                    values[sample] = f64::NAN;
+                }
+                if channel.info().role != ChannelRole::Measured {
+                    table::bridge(values);
                 }
             }
         }

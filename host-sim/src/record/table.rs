@@ -3,7 +3,7 @@
 use eha_monitor::channel::{Channel, ChannelRole};
 
 use super::error::{Field, Problem, RecordError};
-use super::time_base::{Resolution, uniform};
+use super::time_base::{Grid, Resolution, on_grid, uniform};
 use super::{Loaded, MIN_SAMPLES, ReadOptions, Record, plausible};
 
 /// Above this period, s, the unit of the time is doubted in a warning.
@@ -43,13 +43,9 @@ impl Table {
         }
         let length = self.series.first().map_or(0, |series| series.values.len());
         let time = self.series.iter().position(|series| series.channel == Channel::Time);
+        let has_time = time.is_some();
         let time = match (time.map(|index| self.series.remove(index)), options.sample_rate_hz) {
-            (Some(time), rate) => {
-                if rate.is_some() {
-                    self.warn(&format!("the sampling rate is not used: {} gives the time", time.field));
-                }
-                time
-            }
+            (Some(time), _) => time,
             (None, Some(rate)) if rate.is_finite() && rate > 0.0 => Series {
                 channel: Channel::Time,
                 field: Field::Channel(Channel::Time.info().column),
@@ -63,8 +59,21 @@ impl Table {
         let time = self.cut(time, options);
         self.check_length(time.values.len())?;
         self.check_magnitude(&time)?;
-        let (start, period) = uniform(&time.values, self.resolution)
-            .map_err(|(index, problem)| self.at(&time, index, problem))?;
+        let (start, period) = match (uniform(&time.values, self.resolution), options.sample_rate_hz) {
+            (Ok(clock), rate) => {
+                if rate.is_some() && has_time {
+                    self.warn(&format!("the sampling rate is not used: {} gives the time", time.field));
+                }
+                clock
+            }
+            (Err((index, problem)), None) => return Err(self.at(&time, index, problem)),
+            (Err(_), Some(rate)) => {
+                let grid =
+                    on_grid(&time.values, rate).map_err(|(index, problem)| self.at(&time, index, problem))?;
+                self.spread(&grid, &time.field, rate);
+                (grid.start, rate.recip())
+            }
+        };
         self.check_values()?;
         if !(FAST_SAMPLING..=SLOW_SAMPLING).contains(&period) {
             self.warn(&format!("the sampling period is {period} s: is the time in seconds?"));
@@ -91,6 +100,31 @@ impl Table {
             lines.retain(|_| kept.next().is_some_and(|&kept| kept));
         }
         time
+    }
+
+    /// Puts the rows on a grid of a rate. Of rows that are lost the sensors have no sample, and the inputs are bridged.
+    fn spread(&mut self, grid: &Grid, time: &Field, rate: f64) {
+        let length = grid.points.last().map_or(0, |last| last + 1);
+        for series in &mut self.series {
+            let mut spread = vec![f64::NAN; length];
+            for (&point, &value) in grid.points.iter().zip(&series.values) {
+                spread[point] = value;
+            }
+            if series.channel.info().role != ChannelRole::Measured {
+                bridge(&mut spread);
+            }
+            series.values = spread;
+        }
+        // The line of a lost row is that of the one before it.
+        if let Some(lines) = &mut self.lines {
+            let last_before = |point| grid.points.partition_point(|&other| other <= point) - 1;
+            *lines = (0..length).map(|point| lines[last_before(point)]).collect();
+        }
+        let lost = length - grid.points.len();
+        self.warn(&format!(
+            "{time}: put on a grid of {rate} Hz, by up to {:.3} ms; {lost} of {length} rows are lost, the inputs bridged",
+            grid.off * 1e3
+        ));
     }
 
     /// Every check that does not need the time: also those of a record that was made in memory.
@@ -202,6 +236,30 @@ pub(super) fn in_window(time: f64, from: f64, to: f64) -> bool {
 /// How many samples are missing.
 pub(super) fn missing(values: &[f64]) -> usize {
     values.iter().filter(|value| value.is_nan()).count()
+}
+
+/// Bridges what is missing of an input: by the cubic with the slopes of the two samples on each side, or what there is
+/// of them.
+pub(super) fn bridge(values: &mut [f64]) {
+    let there: Vec<usize> = (0..values.len()).filter(|&sample| !values[sample].is_nan()).collect();
+    let (Some(&first), Some(&last)) = (there.first(), there.last()) else { return };
+    let slope = |a: usize, b: usize| (values[b] - values[a]) / (b - a) as f64;
+    let mut bridged = values.to_vec();
+    for (index, pair) in there.windows(2).enumerate() {
+        let [from, to] = [pair[0], pair[1]];
+        let width = (to - from) as f64;
+        let across = slope(from, to);
+        let entry = index.checked_sub(1).map_or(across, |before| slope(there[before], from));
+        let exit = there.get(index + 2).map_or(across, |&after| slope(to, after));
+        for sample in from + 1..to {
+            let (u, v) = ((sample - from) as f64 / width, (to - sample) as f64 / width);
+            let bend = (entry - across) * v - (exit - across) * u;
+            bridged[sample] = v * values[from] + u * values[to] + u * v * width * bend;
+        }
+    }
+    bridged[..first].fill(values[first]);
+    bridged[last..].fill(values[last]);
+    values.copy_from_slice(&bridged);
 }
 
 /// The value that every sample has, if it is one.

@@ -5,6 +5,20 @@
 //! so less than one unit. A whole unit is a fault: with as many decimals as the step needs it is a lost sample.
 
 use super::error::Problem;
+use std::f64::consts::TAU;
+
+/// Longest gap of a record whose inputs are bridged, s.
+pub(crate) const LONGEST_GAP_S: f64 = 0.02;
+
+/// How far the median step may be from the period of a rate that is stated, as a part of it.
+const OTHER_RATE: f64 = 0.2;
+
+/// Stamps that tell the phase of a clock.
+const PHASE_STAMPS: usize = 20;
+
+/// Share of what a stamp is off a clock by which it corrects it: stamps that jitter by a quarter of a sample move it by
+/// 4 %.
+const CLOCK_GAIN: f64 = 0.05;
 
 /// Largest relative difference of a step from the median step.
 const STEP_TOLERANCE: f64 = 0.01;
@@ -98,6 +112,58 @@ pub(super) fn uniform(times: &[f64], resolution: Resolution) -> Result<(f64, f64
         }
     }
     Ok((times[0], period(times, resolution)))
+}
+
+/// Where the rows of a series of time stamps are on a grid.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Grid {
+    /// Time of its first point, that of the first row, s.
+    pub(super) start: f64,
+    /// The point of each row.
+    pub(super) points: Vec<usize>,
+    /// How far a stamp is from its point, at most, s.
+    pub(super) off: f64,
+}
+
+/// Puts stamps that jitter, and those around rows that were lost, on the grid of a clock of so many ticks a second. The
+/// clock may drift: each stamp corrects it by a little.
+///
+/// # Errors
+/// The row, and what is wrong: a time that does not increase, two rows at one point, a rate that is not that of the
+/// stamps, more rows lost than [`LONGEST_GAP_S`] has.
+pub(super) fn on_grid(times: &[f64], rate: f64) -> Result<Grid, (usize, Problem)> {
+    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    if let Some(index) = steps.iter().position(|&step| step <= 0.0) {
+        let problem = Problem::TimeNotIncreasing { previous: times[index], found: times[index + 1] };
+        return Err((index + 1, problem));
+    }
+    let median = median(&mut steps);
+    if (median * rate - 1.0).abs() > OTHER_RATE {
+        return Err((0, Problem::OtherRate { rate, median }));
+    }
+    // The mean direction of the first stamps on a circle that goes around once a tick.
+    let turns = times.iter().take(PHASE_STAMPS).map(|time| TAU * ((time - times[0]) * rate));
+    let (sine, cosine) =
+        turns.fold((0.0, 0.0), |(sine, cosine), turn| (sine + turn.sin(), cosine + turn.cos()));
+    let start = times[0] + sine.atan2(cosine) / (TAU * rate);
+    let mut grid = Grid { start, points: vec![0], off: (times[0] - start).abs() };
+    let (mut point, mut clock) = (0, start);
+    for (row, &stamp) in times.iter().enumerate().skip(1) {
+        let ticks = ((stamp - clock) * rate).round() as usize;
+        if ticks == 0 {
+            return Err((row, Problem::TwoAtOnce { previous: times[row - 1], found: stamp, rate }));
+        }
+        let lost = ticks - 1;
+        if lost as f64 > LONGEST_GAP_S * rate {
+            return Err((row, Problem::LongGap { lost, most: (LONGEST_GAP_S * rate) as usize }));
+        }
+        let due = clock + ticks as f64 / rate;
+        grid.off = grid.off.max((stamp - due).abs());
+        clock = due + CLOCK_GAIN * (stamp - due);
+        point += ticks;
+        grid.points.push(point);
+    }
+    Ok(grid)
 }
 
 /// The median over the record of the mean step of a quarter of it: finer than the digits, and blind to a gap.
@@ -197,6 +263,39 @@ mod tests {
         let times: Vec<f64> = (0..2000).map(|k| f64::from(1000.0_f32 + k as f32 * 1e-3)).collect();
         assert!(uniform(&times, Resolution::EXACT).is_err());
         assert!(uniform(&times, Resolution::of_singles(&times)).is_ok());
+    }
+
+    #[test]
+    fn stamps_that_jitter_and_lost_rows_are_put_on_a_grid() {
+        use rand_distr::{Distribution, Normal};
+        use rand_xoshiro::rand_core::SeedableRng;
+        let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(5);
+        let jitter = Normal::new(0.0, 1e-4).unwrap();
+        let lost = [0, 1, 77, 78, 79, 1500];
+        // A clock that is 200 ppm slow: one sample in five seconds.
+        for drift in [0.0, 2e-4, -2e-4] {
+            let points: Vec<usize> = (0..5000).filter(|point| !lost.contains(point)).collect();
+            let stamp =
+                |&point: &usize| 7.0 + point as f64 * 1e-3 * (1.0 + drift) + jitter.sample(&mut random);
+            let times: Vec<f64> = points.iter().map(stamp).collect();
+            let grid = on_grid(&times, 1000.0).unwrap();
+            assert!(grid.points.iter().zip(&points).all(|(found, point)| found + 2 == *point), "{drift}");
+            assert!((grid.start - 7.002).abs() < 1e-4, "{}", grid.start);
+            assert!(grid.off > 2e-4 && grid.off < 5e-4, "{}", grid.off);
+        }
+    }
+
+    #[test]
+    fn stamps_that_are_of_no_grid_are_refused() {
+        let mut times: Vec<f64> = (0..100).map(|k| f64::from(k) * 1e-3).collect();
+        assert!(matches!(on_grid(&times, 500.0), Err((0, Problem::OtherRate { .. }))));
+        assert!(matches!(on_grid(&times, 2000.0), Err((0, Problem::OtherRate { .. }))));
+        times[40] = times[41] - 1e-5;
+        assert!(matches!(on_grid(&times, 1000.0), Err((41, Problem::TwoAtOnce { .. }))));
+        for time in &mut times[40..] {
+            *time += 0.022;
+        }
+        assert!(matches!(on_grid(&times, 1000.0), Err((40, Problem::LongGap { lost: 23, most: 20 }))));
     }
 
     #[test]

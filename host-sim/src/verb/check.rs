@@ -75,7 +75,8 @@ fn json(common: &Common, rig: &Rig, ranges: &[Range], checked: &[Inspection]) ->
                     json!({
                         "name": info.column, "unit": info.unit, "range": facts.range, "noise": facts.noise,
                         "quantum": facts.quantum, "missing": facts.missing, "longest_gap_s": facts.longest_gap_s,
-                        "spikes": spikes, "stuck": stuck, "saturated_share": facts.saturated_share,
+                        "spikes": spikes, "stuck": stuck, "new_value_every": facts.new_value_every(),
+                        "saturated_share": facts.saturated_share,
                     })
                 })
                 .collect();

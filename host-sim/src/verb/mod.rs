@@ -39,7 +39,7 @@ pub struct InputOptions {
     /// Which column or variable is which channel, in which unit: `lvdt_m=pos[mm],command_m=ref[mm]`.
     #[arg(long, value_delimiter = ',', value_name = "CHANNEL=NAME[UNIT]")]
     columns: Vec<String>,
-    /// Sampling rate, Hz, where a file has no time.
+    /// Sampling rate, Hz, where a file has no time, or stamps that jitter, or rows that were lost.
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
     /// First time to keep, s.

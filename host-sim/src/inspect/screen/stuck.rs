@@ -1,0 +1,137 @@
+//! Samples that no sensor gave at their time: they repeat the one before them, or somebody put them on a line.
+
+use super::spikes::{STEPS, after, before, steps};
+use crate::fit;
+use crate::inspect::range;
+use std::f64::consts::PI;
+use std::ops::Range;
+
+/// What nine in ten samples bend by at least where noise is alive, as a part of what half of them do: two thirds of what
+/// it is where there is nothing else, 0.186.
+const ALIVE: f64 = 0.124;
+/// Step of a channel, in standard deviations of its noise, up to which the noise hides it.
+const FINE: f64 = 0.05;
+/// How far from a step a value is on none, in steps.
+const OFF_STEP: f64 = 1e-3;
+/// Samples that are tried for one that is on a step.
+const ORIGINS: usize = 8;
+/// Rounding of numbers in a file, as a part of the largest of a channel.
+const ROUNDING: f64 = 1e-12;
+/// Chance of calling samples of a record filled in that are not.
+const CHANCE: f64 = 1e-4;
+
+/// Samples of a position that repeat the one before them, and then it jumps by more than `least` and than the steps
+/// around: what moved on meanwhile. Something that stood still starts with a step like those that follow.
+pub(super) fn repeating(values: &[f64], least: f64) -> Vec<usize> {
+    let (mut found, mut start) = (Vec::new(), 0);
+    for run in values.chunk_by(|a, b| a == b) {
+        let run = start..start + run.len();
+        let sides = [before(values, &run), after(values, &run)];
+        let largest = sides.into_iter().flat_map(steps).fold(0.0, f64::max);
+        let jump = values.get(run.end).map_or(0.0, |next| (next - values[start]).abs());
+        if run.len() > 1 && jump > least.max(STEPS * largest) {
+            found.extend(start + 1..run.end);
+        }
+        start = run.end;
+    }
+    found
+}
+
+/// Samples of a noisy channel that lie on a straight line, digit by digit, or between the steps in which it is read:
+/// they were lost, and somebody filled the gap with the last value, or with a line. A limit of the channel is no such
+/// line.
+pub(super) fn filled(values: &[f64], model_error: f64) -> Vec<usize> {
+    let quantum = fit::quantum(values);
+    if !is_noisy(values, quantum.max(model_error)) {
+        return between_steps(values, quantum);
+    }
+    let is_straight = are_straight(values);
+    let count = values.len() as f64;
+    let by_chance = is_straight.windows(2).filter(|pair| pair[0] && !pair[1]).count() as f64 + 1.0;
+    // So many in a row are in none of 10,000 records, if each is as likely as a run of them is.
+    let longest_by_chance = (CHANCE / count).ln() / (by_chance / count).ln();
+    let [low, high] = range(values);
+    let is_limit = |value: f64| value == low || value == high;
+    let is_filled = |run: &Range<usize>| {
+        let [from, to] = [values[run.start], values[run.end - 1]];
+        run.len() as f64 >= longest_by_chance.max(2.0) && !(from == to && is_limit(from))
+    };
+    straight_runs(&is_straight).into_iter().filter(is_filled).flatten().collect()
+}
+
+/// Samples that are not on the steps of a channel, where nine in ten are, and more go from one step to another.
+fn between_steps(values: &[f64], quantum: f64) -> Vec<usize> {
+    let is_off = |value: f64, origin: f64| {
+        let steps = (value - origin) / quantum;
+        (steps - steps.round()).abs() > OFF_STEP
+    };
+    let off = |origin: f64| -> Vec<usize> {
+        (0..values.len()).filter(|&sample| is_off(values[sample], origin)).collect()
+    };
+    let origins = values.iter().step_by((values.len() / ORIGINS).max(1));
+    let fewest = origins.map(|&origin| off(origin)).min_by_key(Vec::len);
+    let whole = steps(values).filter(|&step| step > 0.0 && !is_off(step, 0.0)).count();
+    let is_read_in_steps = |off: &Vec<usize>| 10 * off.len() < values.len() && off.len() < whole;
+    fewest.filter(|off| quantum > rounding(values) && is_read_in_steps(off)).unwrap_or_default()
+}
+
+/// Samples that were lost with those of other sensors, whose runs are given: those of a straight run that is about the
+/// same. It may be longer by chance where the channel has a coarse step.
+pub(super) fn filled_as_well(values: &[f64], stuck: &[Range<usize>]) -> Vec<usize> {
+    let is_same = |run: &Range<usize>, other: &Range<usize>| {
+        run.start.abs_diff(other.start) + run.end.abs_diff(other.end) <= 1 + other.len() / 4
+    };
+    let mut straight = straight_runs(&are_straight(values));
+    straight.retain(|run| run.len() > 1 && stuck.iter().any(|other| is_same(run, other)));
+    straight.into_iter().flatten().collect()
+}
+
+/// The runs of samples that are straight.
+fn straight_runs(is_straight: &[bool]) -> Vec<Range<usize>> {
+    let mut start = 0;
+    let mut runs = Vec::new();
+    for run in is_straight.chunk_by(|a, b| a == b) {
+        if run[0] {
+            runs.push(start..start + run.len());
+        }
+        start += run.len();
+    }
+    runs
+}
+
+/// Is each sample on the line through its neighbours, but for the rounding of its channel, or the same as the one before
+/// it? A line on a coarse step is not told from noise.
+fn are_straight(values: &[f64]) -> Vec<bool> {
+    let quantum = fit::quantum(values);
+    let is_fine = quantum < FINE * fit::noise_of_series(values);
+    let rounding = rounding(values).max(if is_fine { 1.01 * quantum } else { 0.0 });
+    let is_straight = |sample: usize| {
+        let repeats = sample > 0 && values[sample] == values[sample - 1];
+        let around = sample.checked_sub(1).and_then(|before| values.get(before..sample + 2));
+        repeats || around.is_some_and(|w| (w[0] - 2.0 * w[1] + w[2]).abs() <= rounding)
+    };
+    (0..values.len()).map(is_straight).collect()
+}
+
+/// Rounding of the numbers of a channel.
+fn rounding(values: &[f64]) -> f64 {
+    ROUNDING * values.iter().fold(0.0, |most: f64, value| most.max(value.abs()))
+}
+
+/// Chance of a sample of a channel to be the one before it, digit by digit, at rest: 1 where noise does not tell.
+pub(super) fn chance_of_repeat(values: &[f64]) -> f64 {
+    let quantum = fit::quantum(values);
+    if !is_noisy(values, quantum) {
+        return 1.0;
+    }
+    // The difference of two is normal, its density at 0 is 1 / sqrt(4 pi) of the noise.
+    (quantum / (4.0 * PI).sqrt() / fit::noise_of_series(values)).min(1.0)
+}
+
+/// Has a channel more noise than `least`, and at all times? What moves without noise bends now and then.
+fn is_noisy(values: &[f64], least: f64) -> bool {
+    let mut bends: Vec<f64> = fit::fourth_differences(values).collect();
+    bends.sort_by(f64::total_cmp);
+    let quantile = |share: f64| bends.get((share * bends.len() as f64) as usize).copied().unwrap_or(0.0);
+    fit::noise_of_series(values) > least && quantile(0.1) > ALIVE * quantile(0.5)
+}
