@@ -293,7 +293,10 @@ fn spikes_on_the_line_of_a_sensor_are_no_effect() {
     faults_are_right(&result, 4.0, "spikes");
 }
 
-/// What loggers do to records: a sensor that is read every fifth sample, rows that come twice, words of zeros, gaps that
+/// What a logger does to a record.
+type Flaw<'a> = &'a dyn Fn(&mut Record);
+
+/// A sensor that is read every fifth sample, rows that come twice, words of zeros, gaps that
 /// somebody filled.
 #[test]
 fn what_a_logger_does_to_records_is_no_effect() {
@@ -302,7 +305,7 @@ fn what_a_logger_does_to_records_is_no_effect() {
             change(values);
         }
     };
-    let flaws: [(&str, &dyn Fn(&mut Record)); 4] = [
+    let flaws: [(&str, Flaw<'_>); 4] = [
         ("lvdt_m: a new value every 5 samples only", &|record| {
             for sample in 0..SAMPLES {
                 record.lvdt[sample] = record.lvdt[sample - sample % 5];
