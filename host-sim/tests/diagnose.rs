@@ -338,6 +338,23 @@ fn what_a_logger_does_to_records_is_no_effect() {
     }
 }
 
+/// Ten times as coarse as the noise: the error is the same as long as the user rests, and at each visit of a place.
+#[test]
+fn a_sensor_that_is_read_in_coarse_steps_lacks_nothing() {
+    let (plant, noise, step) = (faulty(), 1e-6, 1e-5);
+    let read = |command: &Command, seed| {
+        let mut record = plant.record(command, 2 * SAMPLES);
+        add_noise(&mut record.lvdt, noise, seed);
+        quantise(&mut record.lvdt, step);
+        add_noise(&mut record.current, CURRENT_NOISE, seed + 100);
+        record
+    };
+    let result = diagnose_recorded(read, 1);
+    assert_eq!(result["verdict"], "adequate", "{result:#}");
+    assert!(result["warnings"].to_string().contains("stay on one of its coarse steps"), "{result:#}");
+    faults_are_right(&result, 4.0, "coarse");
+}
+
 #[test]
 fn a_command_that_was_recorded_a_sample_late_is_suspected() {
     let lacking = |plant: &Plant, late: usize| -> Vec<bool> {

@@ -12,9 +12,9 @@ mod systematic;
 pub use closed_loop::{LoopScore, loop_score};
 pub use colour::{as_white, colour_of};
 pub use noise::{
-    LaggedProducts, MODEL_ERROR, NoiseSource, SMALLEST_NOISE, TYPICAL_NOISE, correlation_time, differences,
-    fourth_differences, noise_of, noise_of_series, noise_source, pooled, present, quantum, residual_series,
-    rms,
+    COARSE, LaggedProducts, MODEL_ERROR, NoiseSource, SMALLEST_NOISE, TYPICAL_NOISE, correlation_time,
+    differences, fourth_differences, noise_of, noise_of_series, noise_source, pooled, present, quantum,
+    residual_series, rms,
 };
 pub use periodogram::periodograms;
 pub use polish::{Polished, approach, foresee, misfit, misfit_within, polish};

@@ -28,6 +28,13 @@ pub const MODEL_ERROR: [f64; MEASURED] = [0.3e-6, 0.3e-6, 3e-3, 3e3];
 /// A command that turns at fewer than one in so many samples goes in straight lines.
 const SELDOM: usize = 20;
 
+/// What fourth differences make of white noise: `sqrt(1 + 16 + 36 + 16 + 1)`.
+const OF_FIVE: f64 = 8.366_600_265_340_756;
+
+/// Step of a series, in standard deviations of all of its noise, from which on that does not hide it: white noise of a
+/// quarter of a step.
+pub const COARSE: f64 = 2.6;
+
 /// Where the noise of a channel comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoiseSource {
@@ -103,14 +110,17 @@ pub fn present(values: &[f64]) -> Vec<f64> {
 }
 
 /// Standard deviation of the white part of a series from its fourth differences alone, those of values that are
-/// multiples of a quantum (0: of any).
+/// multiples of a quantum (0: of any). Where that is coarse, a motion makes patterns of them that their middle one does
+/// not stand for: their mean square is it then, unless a few large ones make it.
 fn spread(values: &[f64], quantum: f64) -> f64 {
     let mut differences: Vec<f64> = fourth_differences(values).collect();
     if differences.is_empty() {
         return 0.0;
     }
     differences.sort_by(f64::total_cmp);
-    median(&differences, quantum) / 0.674_489_75 / 70.0_f64.sqrt()
+    let of_most = median(&differences, quantum) / 0.674_489_75 / OF_FIVE;
+    let of_all = rms(differences.into_iter()) / OF_FIVE;
+    if quantum > COARSE * of_all { of_most.min(of_all) } else { of_most }
 }
 
 /// Magnitudes of the fourth differences of a series, where none of their samples is missing: what is smooth over five

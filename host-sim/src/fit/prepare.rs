@@ -1,7 +1,9 @@
 //! A record made ready for the core: inputs joined, start state found, settling marked.
 
 use super::colour::{as_white, in_differences};
-use super::noise::{MODEL_ERROR, command_step, correlation_time, differences, noise_of, rms};
+use super::noise::{
+    MODEL_ERROR, command_step, correlation_time, differences, noise_of, present, quantum, rms,
+};
 use crate::record::Record;
 use crate::rig::{Knots, Rig};
 use eha_monitor::channel::Channel;
@@ -10,6 +12,7 @@ use eha_monitor::model::Drive;
 use eha_monitor::model::drive::Law;
 use eha_monitor::model::state::Outputs;
 use eha_monitor::parameter::{Parameter, Parameters};
+use std::f64::consts::{PI, SQRT_2};
 use std::slice;
 
 const MEASURED: usize = Channel::MEASURED.len();
@@ -55,8 +58,8 @@ pub struct Prepared {
     law: Option<Law<f64>>,
     holds: bool,
     drive: Vec<f64>,
-    /// What the step in which the command was recorded may move a prediction of each measured channel by, rms, in its
-    /// unit.
+    /// What a prediction of each measured channel may be off, rms, in its unit, by the steps in which the command was
+    /// recorded and the sensor is read.
     pub lost: [f64; MEASURED],
 }
 
@@ -154,8 +157,21 @@ impl Prepared {
             let changes: Vec<f64> = differences(&as_recorded, &moved, channel).collect();
             let lost = rms(changes.iter().copied());
             let repeats = correlation_time(&[changes]);
-            self.lost[channel] = lost;
+            self.lost[channel] = self.lost[channel].hypot(lost);
             self.noise[channel] = self.noise[channel].hypot(lost * repeats.sqrt());
+        }
+        self
+    }
+
+    /// The same record, knowing what the steps do in which a sensor is read: where its noise does not hide them it errs by
+    /// the same as long as it rests, by up to the first harmonic of the saw tooth, as far as that is left by the noise.
+    fn with_steps_of_sensors(mut self) -> Self {
+        for channel in 0..MEASURED {
+            let step = quantum(&present(&self.measured[channel]));
+            if step > MODEL_ERROR[channel] {
+                let noise = (self.noise[channel].powi(2) - step * step / 12.0).max(0.0) / (step * step);
+                self.lost[channel] = step / PI * (-2.0 * PI * PI * noise).exp() / SQRT_2;
+            }
         }
         self
     }
@@ -268,7 +284,7 @@ impl Prepared {
 
 /// Makes a record ready for a rig; the noise is what the rig states or the record shows.
 pub fn prepare(rig: &Rig, record: &Record) -> Prepared {
-    let prepared = prepare_with(rig, record, noise_of(rig, record));
+    let prepared = prepare_with(rig, record, noise_of(rig, record)).with_steps_of_sensors();
     match record.channel(Channel::Command).map_or(0.0, command_step) {
         0.0 => prepared,
         step => prepared.with_losses(rig, step),

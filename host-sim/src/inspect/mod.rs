@@ -4,7 +4,7 @@ pub mod excitation;
 pub mod screen;
 
 use crate::fit;
-use crate::output::counted;
+use crate::output::{counted, quantity};
 use crate::record::Record;
 use crate::rig::{Range, Rig};
 use eha_monitor::channel::{Channel, ChannelRole};
@@ -356,10 +356,8 @@ fn notes(
         }
         notes.extend(facts.defects.as_ref().and_then(|defects| defects.in_words(record)));
         if let Some(noise) = facts.noise.filter(|noise| facts.quantum > 2.0 * noise) {
-            notes.push(format!(
-                "{column} is read in steps of {} {}, coarser than its noise {noise:.2e}",
-                facts.quantum, info.unit
-            ));
+            let [step, noise] = [facts.quantum, noise].map(|value| quantity(value, info.unit));
+            notes.push(format!("{column} is read in steps of {step}, coarser than its noise of {noise}"));
         }
     }
     match response {
