@@ -238,28 +238,24 @@ pub(super) fn missing(values: &[f64]) -> usize {
     values.iter().filter(|value| value.is_nan()).count()
 }
 
-/// Bridges what is missing of an input: by the cubic with the slopes of the two samples on each side, or what there is
-/// of them.
+/// Bridges what is missing of an input: by the cubic through the two samples on each side, or what there is of them.
 pub(super) fn bridge(values: &mut [f64]) {
     let there: Vec<usize> = (0..values.len()).filter(|&sample| !values[sample].is_nan()).collect();
     let (Some(&first), Some(&last)) = (there.first(), there.last()) else { return };
-    let slope = |a: usize, b: usize| (values[b] - values[a]) / (b - a) as f64;
-    let mut bridged = values.to_vec();
-    for (index, pair) in there.windows(2).enumerate() {
-        let [from, to] = [pair[0], pair[1]];
-        let width = (to - from) as f64;
-        let across = slope(from, to);
-        let entry = index.checked_sub(1).map_or(across, |before| slope(there[before], from));
-        let exit = there.get(index + 2).map_or(across, |&after| slope(to, after));
-        for sample in from + 1..to {
-            let (u, v) = ((sample - from) as f64 / width, (to - sample) as f64 / width);
-            let bend = (entry - across) * v - (exit - across) * u;
-            bridged[sample] = v * values[from] + u * values[to] + u * v * width * bend;
+    for before in 0..there.len() - 1 {
+        let nodes = &there[before.saturating_sub(1)..(before + 3).min(there.len())];
+        for sample in there[before] + 1..there[before + 1] {
+            let apart = |a: usize, b: usize| a as f64 - b as f64;
+            let weight = |node: usize| -> f64 {
+                let others = nodes.iter().filter(|&&other| other != node);
+                others.map(|&other| apart(sample, other) / apart(node, other)).product()
+            };
+            values[sample] = nodes.iter().map(|&node| weight(node) * values[node]).sum();
         }
     }
-    bridged[..first].fill(values[first]);
-    bridged[last..].fill(values[last]);
-    values.copy_from_slice(&bridged);
+    let [begin, end] = [values[first], values[last]];
+    values[..first].fill(begin);
+    values[last..].fill(end);
 }
 
 /// The value that every sample has, if it is one.
