@@ -293,6 +293,17 @@ fn spikes_on_the_line_of_a_sensor_are_no_effect() {
     faults_are_right(&result, 4.0, "spikes");
 }
 
+/// Steps are held out, and come a third of a sample after the last sample before them: an actuator without any effect is
+/// explained, and the time is taken from nothing else.
+#[test]
+fn a_command_that_jumps_between_two_samples_is_no_effect() {
+    let plant = faulty();
+    let result = diagnose_flown(|command| fly_curve(&plant, &command.clone().later(3e-4)), 1);
+    assert_eq!(result["verdict"], "adequate", "{result:#}");
+    assert!(result["warnings"].to_string().contains("jumps between two samples"), "{result:#}");
+    faults_are_right(&result, 4.0, "jumps");
+}
+
 /// What a logger does to a record.
 type Flaw<'a> = &'a dyn Fn(&mut Record);
 

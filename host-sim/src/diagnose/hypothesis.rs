@@ -1,11 +1,10 @@
 //! A model that may be the right one: effects added to the rig, all that is free fitted.
 
+use super::Case;
 use super::candidate::{self, Candidate, Prospect};
 use super::place::{self, Place};
-use super::residual;
 use super::signature::Signatures;
 use super::weighing::Earned;
-use super::{Case, RESIDUAL_LIMIT};
 use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, FitSettings, Polished, TOLD_APART};
 use crate::interrupt;
 use crate::rig::{Range, Rig};
@@ -177,15 +176,7 @@ impl Hypothesis {
 
     /// Is what the joint fit leaves just noise, in every record?
     pub(super) fn leaves_noise(&self, case: &Case<'_>) -> bool {
-        let (train, holdout) = self.predictions.split_at(case.fitted);
-        [(case.train(), train), (case.holdout(), holdout)].into_iter().all(|(records, predictions)| {
-            let residuals = residual::of_channels(records, predictions);
-            residuals.iter().enumerate().all(|(channel, residual)| {
-                residual.is_none_or(|residual| {
-                    residual.is_noise(case.model_error[channel], case.known_noise[channel], RESIDUAL_LIMIT)
-                })
-            })
-        })
+        case.is_noise_left(&self.predictions)
     }
 
     /// What the linear model says of every effect that is not in the model yet; the fitted records are those that the

@@ -18,10 +18,14 @@
 //!        v
 //! which effects could stand in for each that is left? --> its class, or its place
 //! residual noise? adequate or explained : unexplained
+//!        |
+//!        v
+//! unexplained: is it noise if the commands jump between samples, or if the noise is coloured? Then anew, with that
 //! ```
 
 mod candidate;
 mod hypothesis;
+mod jumps;
 mod place;
 pub mod residual;
 mod ripple;
@@ -31,7 +35,7 @@ mod weighing;
 
 use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, FitSettings, Polished, Prepared, TOLD_APART};
 use crate::interrupt;
-use crate::rig::Rig;
+use crate::rig::{CommandPath, Rig};
 use eha_monitor::channel::Channel;
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
@@ -126,6 +130,8 @@ pub struct Diagnosis {
     pub predictions: Vec<Vec<Outputs<f64>>>,
     /// What is left, where the verdict is unexplained.
     pub left: Option<Description>,
+    /// Do commands jump between two samples, and were the records moved to what they would be had they jumped at one?
+    pub jumps_moved: bool,
 }
 
 impl Diagnosis {
@@ -183,16 +189,33 @@ impl<'a> Case<'a> {
     pub fn holdout(&self) -> &'a [Prepared] {
         &self.records[self.fitted..]
     }
+
+    /// Do predictions of all records leave no more than noise of them?
+    fn is_noise_left(&self, predictions: &[Vec<Outputs<f64>>]) -> bool {
+        let (train, holdout) = predictions.split_at(self.fitted);
+        [(self.train(), train), (self.holdout(), holdout)].into_iter().all(|(records, predictions)| {
+            let residuals = residual::of_channels(records, predictions);
+            residuals.iter().enumerate().all(|(channel, residual)| {
+                residual.is_none_or(|residual| {
+                    residual.is_noise(self.model_error[channel], self.known_noise[channel], RESIDUAL_LIMIT)
+                })
+            })
+        })
+    }
 }
 
 /// Diagnoses a case. `watch` is told what is being done, and how much of it (0 to 1).
 ///
-/// Noise is taken for white first. Where something is left, its spectrum where no actuator follows tells whether the noise
-/// of a channel is coloured; if that is all that was wrong, it is the answer.
+/// Commands are taken to jump at samples, and noise for white, first. Where something is left, jumps between two samples
+/// may be what is wrong, or noise that is coloured, as its spectrum where no actuator follows tells; if that is all, it
+/// is the answer.
 pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
     let at_first = |what: &str, share: f64| watch(what, 0.9 * share);
     let diagnosis = diagnose_in_noise(case, settings, &at_first);
     if diagnosis.verdict != Verdict::Unexplained || interrupt::requested() {
+        return diagnosis;
+    }
+    if let Some(diagnosis) = diagnose_with_jumps(case, &diagnosis.rig, settings, watch) {
         return diagnosis;
     }
     let colour: [f64; MEASURED] = std::array::from_fn(|channel| {
@@ -217,6 +240,32 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Di
     let again = |what: &str, share: f64| watch(&format!("{what}, coloured noise"), 0.9 + 0.1 * share);
     let other = diagnose_in_noise(&coloured, settings, &again);
     if other.verdict == Verdict::Unexplained { diagnosis } else { other }
+}
+
+/// Diagnoses a case whose commands jump between samples; none where they do not, or where more than that is wrong with a
+/// model that left something.
+fn diagnose_with_jumps(
+    case: &Case<'_>,
+    model: &Rig,
+    settings: &FitSettings,
+    watch: Watch<'_>,
+) -> Option<Diagnosis> {
+    let on_curve = |rig: &Rig| Rig { command_path: CommandPath::Curve, ..rig.clone() };
+    let (rig, model) = (on_curve(case.rig), on_curve(model));
+    let curved: Option<Vec<Prepared>> = match case.rig.command_path {
+        CommandPath::Lines => Some(case.records.iter().map(|record| record.along(&rig)).collect()),
+        CommandPath::Curve => Some(case.records.to_vec()),
+        CommandPath::Held => None,
+    };
+    let records = jumps::at_their_samples(&model, &curved?)?;
+    let moved = Case { rig: &rig, records: &records, ..*case };
+    if !moved.is_noise_left(&fit::predict(&model, &records)) {
+        return None;
+    }
+    let again =
+        |what: &str, share: f64| watch(&format!("{what}, command jumps between samples"), 0.9 + 0.1 * share);
+    let diagnosis = diagnose_in_noise(&moved, settings, &again);
+    (diagnosis.verdict != Verdict::Unexplained).then_some(Diagnosis { jumps_moved: true, ..diagnosis })
 }
 
 /// Diagnoses a case whose noise is as it says.
@@ -404,6 +453,7 @@ fn conclude(case: &Case<'_>, before: Fit, best: &Hypothesis, earned: &[Earned], 
         rig: best.rig.clone(),
         predictions,
         before,
+        jumps_moved: false,
     }
 }
 

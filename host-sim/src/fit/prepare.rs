@@ -203,6 +203,43 @@ impl Prepared {
         Self { command: moved(&self.command), arriving: moved(&self.arriving), ..self.clone() }
     }
 
+    /// Samples at which the command jumps.
+    pub fn jumps(&self) -> Vec<usize> {
+        (1..self.len()).filter(|&sample| self.jumps_at(sample)).collect()
+    }
+
+    fn jumps_at(&self, sample: usize) -> bool {
+        let ends = (self.arriving.get(sample), self.command.get(sample));
+        matches!(ends, (Some(arriving), Some(command)) if arriving != command)
+    }
+
+    /// The same record, each jump of its command one sample earlier.
+    #[must_use]
+    pub fn with_earlier_jumps(&self) -> Self {
+        let (mut command, mut arriving) = (self.command.clone(), self.arriving.clone());
+        for sample in self.jumps().into_iter().filter(|&sample| !self.jumps_at(sample - 1)) {
+            let next = sample + 1;
+            let goes_on = next < self.len() && !self.jumps_at(next);
+            let rise = if goes_on { self.command[next] - self.command[sample] } else { 0.0 };
+            arriving[sample - 1] = self.command[sample - 1];
+            command[sample - 1] = self.command[sample] - rise;
+            arriving[sample] = self.command[sample];
+        }
+        Self { command, arriving, ..self.clone() }
+    }
+
+    /// The same record, its measured channels less so much at each sample; lost where that is NaN.
+    #[must_use]
+    pub fn moved(&self, by: &[[f64; MEASURED]]) -> Self {
+        let mut measured = self.measured.clone();
+        for (channel, values) in measured.iter_mut().enumerate() {
+            for (value, by) in values.iter_mut().zip(by) {
+                *value -= by[channel];
+            }
+        }
+        Self { measured, ..self.clone() }
+    }
+
     /// Samples after which a closed loop that starts at rest has forgotten that: it is where it would be had it moved
     /// as measured, the ram off the user by half of the largest backlash to either side. The other faults are in the
     /// middle of their ranges.

@@ -108,6 +108,9 @@ impl Job<'_> {
         {
             self.record_notes.push(output::LATE_COMMAND.to_owned());
         }
+        if diagnosis.jumps_moved {
+            self.record_notes.push(output::JUMPS_MOVED.to_owned());
+        }
         bar.finish_and_clear();
         self.rig.command_path = diagnosis.rig.command_path;
         if let Some(left) = &mut diagnosis.left {

@@ -37,6 +37,8 @@ pub enum Command {
     Sampled(Vec<f64>, f64),
     /// Samples from time zero on at a period (s), each held until the next one.
     Held(Vec<f64>, f64),
+    /// Another command, so much later (s).
+    Later(Box<Self>, f64),
 }
 
 impl Command {
@@ -106,12 +108,19 @@ impl Command {
                     None => samples.last().copied().unwrap_or(0.0),
                 }
             }
+            Self::Later(command, by) => command.value((t - by).max(0.0)),
             Self::Held(samples, period) => {
                 // A sample's time may be rounded down.
                 let index = (t / period + 1e-10).max(0.0) as usize;
                 samples.get(index).or(samples.last()).copied().unwrap_or(0.0)
             }
         }
+    }
+
+    /// The same command, so much later (s).
+    #[must_use]
+    pub fn later(self, by: f64) -> Self {
+        Self::Later(Box::new(self), by)
     }
 
     /// The same command from a computer that gives `samples` samples every `period`, and holds each.
