@@ -8,15 +8,22 @@
 use super::residual::MEASURED;
 use crate::fit::{self, Prepared};
 use crate::rig::Rig;
+use std::iter;
 
 /// Time after a jump for which the answer is no straight line in its time, s: it is not compared.
 const BENT_S: f64 = 0.01;
 
+/// Share of a record that may not be compared because its command jumps: one that goes in stairs is not of this kind.
+const MOST: f64 = 0.25;
+
 /// The records as they would be had each jump of their commands come at the end of its sample, as far as a model can
-/// tell; none where no command jumps. Their commands are on a curve.
+/// tell; none where no command jumps, or one does so all the time. Their commands are on a curve.
 pub(super) fn at_their_samples(rig: &Rig, records: &[Prepared]) -> Option<Vec<Prepared>> {
     let jumps: Vec<Vec<usize>> = records.iter().map(Prepared::jumps).collect();
-    if jumps.iter().all(Vec::is_empty) {
+    let is_rare = |(jumps, record): (&Vec<usize>, &Prepared)| {
+        jumps.len() as f64 * BENT_S <= MOST * record.len() as f64 * record.sample_period
+    };
+    if jumps.iter().all(Vec::is_empty) || !iter::zip(&jumps, records).all(is_rare) {
         return None;
     }
     let earlier: Vec<Prepared> = records.iter().map(Prepared::with_earlier_jumps).collect();
