@@ -4,7 +4,7 @@ use crate::fit::{self, Prepared};
 use eha_monitor::channel::Channel;
 use eha_monitor::model::state::Outputs;
 use nalgebra::DVector;
-use std::{iter, slice};
+use std::slice;
 
 /// Channels that the model predicts.
 pub const MEASURED: usize = Channel::MEASURED.len();
@@ -99,19 +99,10 @@ pub fn gains(records: &[Prepared], before: &[Vec<Outputs<f64>>], after: &[Vec<Ou
 /// Tests the residual of a channel; none where no record has it. A short one is tested on as many lags as a quarter of
 /// its samples. What is missing is passed over: lags count the samples that are there.
 pub fn test(all: &[Vec<f64>]) -> Option<ChannelResidual> {
-    let mut power = 0.0;
-    let mut count = 0;
-    let mut products = [0.0; LAGS + 1];
-    let mut pairs = [0_usize; LAGS + 1];
-    for one in all {
-        let one = fit::present(one);
-        power += one.iter().map(|value| value * value).sum::<f64>();
-        count += one.len();
-        for lag in 1..=LAGS {
-            products[lag] += iter::zip(&one, one.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>();
-            pairs[lag] += one.len().saturating_sub(lag);
-        }
-    }
+    let all: Vec<Vec<f64>> = all.iter().map(|one| fit::present(one)).collect();
+    let power: f64 = all.iter().map(|one| one.iter().map(|value| value * value).sum::<f64>()).sum();
+    let count: usize = all.iter().map(Vec::len).sum();
+    let mut products = fit::LaggedProducts::new(&all);
     let lags = LAGS.min(count / 4);
     if lags == 0 {
         return None;
@@ -120,9 +111,10 @@ pub fn test(all: &[Vec<f64>]) -> Option<ChannelResidual> {
     let mut statistic = 0.0;
     let mut shared = 0.0;
     for lag in 1..=lags {
-        let covariance = products[lag] / pairs[lag].max(1) as f64;
+        let pairs: usize = all.iter().map(|one| one.len().saturating_sub(lag)).sum();
+        let covariance = products.at(lag) / pairs.max(1) as f64;
         let correlation = if mean_square > 0.0 { covariance / mean_square } else { 0.0 };
-        statistic += correlation * correlation * pairs[lag] as f64;
+        statistic += correlation * correlation * pairs as f64;
         if lag <= 3 {
             shared += covariance / 3.0;
         }

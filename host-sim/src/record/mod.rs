@@ -206,8 +206,8 @@ impl Record {
         record
     }
 
-    /// The same record, some samples lost: `samples` tells which of a channel. A measured channel keeps its own where
-    /// fewer than [`MIN_SAMPLES`] would be left; an input goes on a line across them.
+    /// The same record, some samples lost: `samples` tells which of a channel. A channel keeps its own where fewer than
+    /// [`MIN_SAMPLES`] would be left; those of an input are bridged.
     #[must_use]
     pub fn with_lost(&self, samples: impl Fn(Channel) -> Vec<usize>) -> Self {
         let mut record = self.clone();

@@ -59,21 +59,19 @@ impl Table {
         let time = self.cut(time, options);
         self.check_length(time.values.len())?;
         self.check_magnitude(&time)?;
-        let (start, period) = match (uniform(&time.values, self.resolution), options.sample_rate_hz) {
-            (Ok(clock), rate) => {
-                if rate.is_some() && has_time {
+        let clock = match (uniform(&time.values, self.resolution), options.sample_rate_hz) {
+            (Err(_), Some(rate)) => on_grid(&time.values, rate).map(|grid| {
+                self.spread(&grid, &time.field, rate);
+                (grid.start, rate.recip())
+            }),
+            (clock, rate) => {
+                if clock.is_ok() && rate.is_some() && has_time {
                     self.warn(&format!("the sampling rate is not used: {} gives the time", time.field));
                 }
                 clock
             }
-            (Err((index, problem)), None) => return Err(self.at(&time, index, problem)),
-            (Err(_), Some(rate)) => {
-                let grid =
-                    on_grid(&time.values, rate).map_err(|(index, problem)| self.at(&time, index, problem))?;
-                self.spread(&grid, &time.field, rate);
-                (grid.start, rate.recip())
-            }
         };
+        let (start, period) = clock.map_err(|(index, problem)| self.at(&time, index, problem))?;
         self.check_values()?;
         if !(FAST_SAMPLING..=SLOW_SAMPLING).contains(&period) {
             self.warn(&format!("the sampling period is {period} s: is the time in seconds?"));

@@ -98,20 +98,30 @@ impl Resolution {
 ///
 /// The index of the first stamp that does not follow its predecessor by one step, and why.
 pub(super) fn uniform(times: &[f64], resolution: Resolution) -> Result<(f64, f64), (usize, Problem)> {
-    let steps = times.windows(2).map(|pair| pair[1] - pair[0]);
-    if let Some(index) = steps.clone().position(|step| step <= 0.0) {
-        let problem = Problem::TimeNotIncreasing { previous: times[index], found: times[index + 1] };
-        return Err((index + 1, problem));
-    }
+    let mut steps = increasing(times)?;
     let typical = typical_step(times);
-    for (index, step) in steps.enumerate() {
+    for (index, step) in steps.iter().copied().enumerate() {
         let slack = (STEP_TOLERANCE * typical).max(ROUNDING * resolution.unit(times[index + 1]));
         if (step - typical).abs() > slack {
-            let median = median(&mut times.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>());
-            return Err((index + 1, Problem::TimeNotUniform { step, median }));
+            return Err((index + 1, Problem::TimeNotUniform { step, median: median(&mut steps) }));
         }
     }
     Ok((times[0], period(times, resolution)))
+}
+
+/// The steps of a series of time stamps, s.
+///
+/// # Errors
+/// The sample, and that its time does not increase.
+fn increasing(times: &[f64]) -> Result<Vec<f64>, (usize, Problem)> {
+    let steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    match steps.iter().position(|&step| step <= 0.0) {
+        Some(index) => {
+            let problem = Problem::TimeNotIncreasing { previous: times[index], found: times[index + 1] };
+            Err((index + 1, problem))
+        }
+        None => Ok(steps),
+    }
 }
 
 /// Where the rows of a series of time stamps are on a grid.
@@ -132,12 +142,7 @@ pub(super) struct Grid {
 /// The row, and what is wrong: a time that does not increase, two rows at one point, a rate that is not that of the
 /// stamps, more rows lost than [`LONGEST_GAP_S`] has.
 pub(super) fn on_grid(times: &[f64], rate: f64) -> Result<Grid, (usize, Problem)> {
-    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    if let Some(index) = steps.iter().position(|&step| step <= 0.0) {
-        let problem = Problem::TimeNotIncreasing { previous: times[index], found: times[index + 1] };
-        return Err((index + 1, problem));
-    }
-    let median = median(&mut steps);
+    let median = median(&mut increasing(times)?);
     if (median * rate - 1.0).abs() > OTHER_RATE {
         return Err((0, Problem::OtherRate { rate, median }));
     }

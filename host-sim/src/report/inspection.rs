@@ -8,7 +8,7 @@ use super::rows::{Row, Rows, Shape};
 use super::scale::{Axis, shown};
 use super::statistics::spectrum;
 use crate::inspect::excitation::{SHOWN, grade};
-use crate::inspect::screen::Defects;
+use crate::inspect::screen::{Defects, without};
 use crate::inspect::{ChannelFacts, Inspection, rests};
 use crate::output::counted;
 use crate::rig::Range;
@@ -196,11 +196,8 @@ fn delay(one: &Inspection) -> Markup {
 fn noise(one: &Inspection, facts: &ChannelFacts) -> Markup {
     let Some(noise) = facts.noise else { return html! {} };
     let info = facts.channel.info();
-    let mut values = one.record.channel(facts.channel).unwrap_or_default().to_vec();
-    for sample in facts.defects.iter().flat_map(Defects::samples) {
-        values[sample] = f64::NAN;
-    }
-    let values = bridged(&values);
+    let defects = facts.defects.iter().flat_map(Defects::samples);
+    let values = bridged(&without(one.record.channel(facts.channel).unwrap_or_default(), defects));
     let Some(found) = spectrum(&[values], one.record.sample_period_s(), noise) else { return html! {} };
     let frequencies: Vec<f64> = found.points.iter().map(|point| point[0]).collect();
     let [low, high] = found.white;

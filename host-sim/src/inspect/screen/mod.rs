@@ -68,13 +68,11 @@ impl Defects {
 
     /// The samples that no fit takes.
     fn left_out(&self, record: &Record) -> Vec<usize> {
-        let repeats = self.held.iter().flat_map(|held| &held.repeats).chain(&self.coarse).copied();
-        let mut all: Vec<usize> = repeats.collect();
+        let mut all = self.coarse.clone();
+        merge(&mut all, self.held.iter().flat_map(|held| held.repeats.iter().copied()));
         if !self.is_usual(record) {
-            all.extend(self.samples());
+            merge(&mut all, self.samples());
         }
-        all.sort_unstable();
-        all.dedup();
         all
     }
 
@@ -114,19 +112,18 @@ impl Defects {
 /// What is wrong with the samples of a record: an entry for each sensor with defects, and for the command.
 fn defects(rig: &Rig, record: &Record) -> Vec<Defects> {
     let repeated = repeated_rows(record);
-    let mut all: Vec<Defects> = record
-        .channels()
-        .filter(|(channel, _)| channel.info().role == ChannelRole::Measured)
-        .map(|(channel, values)| of_sensor(rig, record, (channel, values), &repeated))
+    let mut all: Vec<Defects> = iter::zip(Channel::MEASURED, fit::MODEL_ERROR)
+        .filter_map(|(channel, model_error)| of_sensor(rig, record, channel, model_error, &repeated))
         .collect();
-    let stuck: Vec<Vec<Range<usize>>> = all.iter().map(|of| runs(&of.stuck)).collect();
+    let stuck: Vec<Range<usize>> = all.iter().flat_map(|of| runs(&of.stuck)).collect();
     for of in all.iter_mut().filter(|of| of.held.is_none()) {
         let values = record.channel(of.channel).unwrap_or_default();
-        let as_well = filled_as_well(values, &stuck.concat());
-        merge(&mut of.stuck, &as_well);
+        let as_well = filled_as_well(values, &stuck);
+        merge(&mut of.stuck, as_well.iter().copied());
         of.spikes.retain(|sample| as_well.binary_search(sample).is_err());
     }
-    let command = lost(record.channel(Channel::Command).unwrap_or_default(), &repeated);
+    let command = record.channel(Channel::Command).unwrap_or_default();
+    let command = without(command, repeated.iter().copied());
     let least = SPIKE_SIGMA * fit::noise_of_series(&command).max(fit::MODEL_ERROR[0]);
     let is_zero = |sample: usize| record.channels().all(|(_, values)| values[sample] == 0.0);
     let (lost, flown): (Vec<usize>, Vec<usize>) =
@@ -138,7 +135,7 @@ fn defects(rig: &Rig, record: &Record) -> Vec<Defects> {
     for of in &mut all {
         // A controller answers a spike of its command with one of its own.
         of.spikes.retain(|sample| is_position(of.channel) || flown.binary_search(sample).is_err());
-        merge(&mut of.spikes, &lost);
+        merge(&mut of.spikes, lost.iter().copied());
     }
     all.push(Defects { spikes: lost, stuck: repeated, flown, ..Defects::none(Channel::Command) });
     all.retain(|of| *of != Defects::none(of.channel));
@@ -151,7 +148,7 @@ const fn is_position(channel: Channel) -> bool {
 }
 
 /// Adds samples to others, all in order.
-fn merge(samples: &mut Vec<usize>, others: &[usize]) {
+fn merge(samples: &mut Vec<usize>, others: impl IntoIterator<Item = usize>) {
     samples.extend(others);
     samples.sort_unstable();
     samples.dedup();
@@ -162,44 +159,41 @@ fn runs(samples: &[usize]) -> Vec<Range<usize>> {
     samples.chunk_by(|a, b| a + 1 == *b).map(|run| run[0]..run[run.len() - 1] + 1).collect()
 }
 
-/// What is wrong with the samples of a sensor; `repeated` are the rows of the record that came twice.
+/// What is wrong with the samples of a sensor, if the record has it; `repeated` are the rows that came twice.
 fn of_sensor(
     rig: &Rig,
     record: &Record,
-    (channel, values): (Channel, &[f64]),
+    channel: Channel,
+    model_error: f64,
     repeated: &[usize],
-) -> Defects {
-    let model_error = iter::zip(Channel::MEASURED, fit::MODEL_ERROR).find(|(of, _)| *of == channel);
-    let model_error = model_error.map_or(0.0, |(_, error)| error);
+) -> Option<Defects> {
+    let values = record.channel(channel)?;
     let held = held(values);
     let coarse = if held.is_none() { on_coarse_steps(values, model_error) } else { Vec::new() };
     let mut left_out = repeated.to_vec();
-    merge(&mut left_out, held.as_ref().map_or(&[], |held| &held.repeats));
+    merge(&mut left_out, held.iter().flat_map(|held| held.repeats.iter().copied()));
     let fresh: Vec<usize> =
         (0..values.len()).filter(|sample| left_out.binary_search(sample).is_err()).collect();
     let values: Vec<f64> = fresh.iter().map(|&sample| values[sample]).collect();
     let least = SPIKE_SIGMA * fit::noise_of_series(&values).max(model_error);
     let mut stuck = filled(&values, model_error);
-    let spikes = match channel {
-        channel if is_position(channel) => {
-            merge(&mut stuck, &repeating(&values, least));
-            let every = held.as_ref().map_or(1, |held| held.every);
-            let longest = ((LONGEST_S / record.sample_period_s()) as usize / every).max(1);
-            spikes(&lost(&values, &stuck), least, Some(longest))
-        }
-        Channel::Pressure => {
-            let least = PRESSURE_SHARE * rig.parameters.supply_pressure / OF_THREE;
-            spikes(&lost(&values, &stuck), least, None)
-        }
-        _ => spikes(&lost(&values, &stuck), least, None),
+    if is_position(channel) {
+        merge(&mut stuck, repeating(&values, least));
+    }
+    let every = held.as_ref().map_or(1, |held| held.every);
+    let longest = ((LONGEST_S / record.sample_period_s()) as usize / every).max(1);
+    let (least, longest) = match channel {
+        Channel::Pressure => (PRESSURE_SHARE * rig.parameters.supply_pressure / OF_THREE, None),
+        channel => (least, is_position(channel).then_some(longest)),
     };
+    let spikes = spikes(&without(&values, stuck.iter().copied()), least, longest);
     let in_record =
         |samples: Vec<usize>| -> Vec<usize> { samples.into_iter().map(|sample| fresh[sample]).collect() };
     let (mut stuck, spikes) = (in_record(stuck), in_record(spikes));
     if held.is_none() {
-        merge(&mut stuck, repeated);
+        merge(&mut stuck, repeated.iter().copied());
     }
-    Defects { spikes, stuck, held, coarse, ..Defects::none(channel) }
+    Some(Defects { spikes, stuck, held, coarse, ..Defects::none(channel) })
 }
 
 /// Rows that repeat the one before them in every channel, digit by digit, though the command moves or the noise of the
@@ -255,9 +249,9 @@ pub fn screen(rig: &Rig, record: &Record) -> Screened {
 }
 
 /// The values without some of them.
-fn lost(values: &[f64], samples: &[usize]) -> Vec<f64> {
+pub(crate) fn without(values: &[f64], samples: impl IntoIterator<Item = usize>) -> Vec<f64> {
     let mut values = values.to_vec();
-    for &sample in samples {
+    for sample in samples {
         values[sample] = f64::NAN;
     }
     values

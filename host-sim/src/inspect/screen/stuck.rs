@@ -1,5 +1,6 @@
 //! Samples that no sensor gave at their time: they repeat the one before them, or somebody put them on a line.
 
+use super::runs;
 use super::spikes::{STEPS, after, before, steps};
 use crate::fit;
 use crate::inspect::range;
@@ -45,9 +46,9 @@ pub(super) fn filled(values: &[f64], model_error: f64) -> Vec<usize> {
     if !is_noisy(values, quantum.max(model_error)) {
         return between_steps(values, quantum);
     }
-    let is_straight = are_straight(values);
+    let straight = runs(&straight(values));
     let count = values.len() as f64;
-    let by_chance = is_straight.windows(2).filter(|pair| pair[0] && !pair[1]).count() as f64 + 1.0;
+    let by_chance = straight.iter().filter(|run| run.end < values.len()).count() as f64 + 1.0;
     // So many in a row are in none of 10,000 records, if each is as likely as a run of them is.
     let longest_by_chance = (CHANCE / count).ln() / (by_chance / count).ln();
     let [low, high] = range(values);
@@ -56,7 +57,7 @@ pub(super) fn filled(values: &[f64], model_error: f64) -> Vec<usize> {
         let [from, to] = [values[run.start], values[run.end - 1]];
         run.len() as f64 >= longest_by_chance.max(2.0) && !(from == to && is_limit(from))
     };
-    straight_runs(&is_straight).into_iter().filter(is_filled).flatten().collect()
+    straight.into_iter().filter(is_filled).flatten().collect()
 }
 
 /// Samples that are not on the steps of a channel, where nine in ten are, and more go from one step to another.
@@ -81,36 +82,22 @@ pub(super) fn filled_as_well(values: &[f64], stuck: &[Range<usize>]) -> Vec<usiz
     let is_same = |run: &Range<usize>, other: &Range<usize>| {
         run.start.abs_diff(other.start) + run.end.abs_diff(other.end) <= 1 + other.len() / 4
     };
-    let mut straight = straight_runs(&are_straight(values));
-    straight.retain(|run| run.len() > 1 && stuck.iter().any(|other| is_same(run, other)));
-    straight.into_iter().flatten().collect()
+    let is_lost = |run: &Range<usize>| run.len() > 1 && stuck.iter().any(|other| is_same(run, other));
+    runs(&straight(values)).into_iter().filter(is_lost).flatten().collect()
 }
 
-/// The runs of samples that are straight.
-fn straight_runs(is_straight: &[bool]) -> Vec<Range<usize>> {
-    let mut start = 0;
-    let mut runs = Vec::new();
-    for run in is_straight.chunk_by(|a, b| a == b) {
-        if run[0] {
-            runs.push(start..start + run.len());
-        }
-        start += run.len();
-    }
-    runs
-}
-
-/// Is each sample on the line through its neighbours, but for the rounding of its channel, or the same as the one before
-/// it? A line on a coarse step is not told from noise.
-fn are_straight(values: &[f64]) -> Vec<bool> {
+/// Samples on the line through their neighbours, but for the rounding of their channel, or the same as the one before
+/// them. A line on a coarse step is not told from noise.
+fn straight(values: &[f64]) -> Vec<usize> {
     let quantum = fit::quantum(values);
     let is_fine = quantum < FINE * fit::noise_of_series(values);
     let rounding = rounding(values).max(if is_fine { 1.01 * quantum } else { 0.0 });
-    let is_straight = |sample: usize| {
+    let is_straight = |&sample: &usize| {
         let repeats = sample > 0 && values[sample] == values[sample - 1];
         let around = sample.checked_sub(1).and_then(|before| values.get(before..sample + 2));
         repeats || around.is_some_and(|w| (w[0] - 2.0 * w[1] + w[2]).abs() <= rounding)
     };
-    (0..values.len()).map(is_straight).collect()
+    (0..values.len()).filter(is_straight).collect()
 }
 
 /// Rounding of the numbers of a channel.
