@@ -1,6 +1,6 @@
 //! A model, its integrator and its sensors as one thing that answers: what would the channels show next?
 
-use crate::integrate::{Run, Stepper, advance};
+use crate::integrate::{Run, Stepper, advance, advance_over_jump};
 use crate::model::Drive;
 use crate::model::Model;
 use crate::model::play::play;
@@ -102,6 +102,27 @@ impl<T: Real> Actuator<T> {
             }
         });
         motion.user = user;
+    }
+
+    /// Advances a motion by one sample inside of which the command jumps from one line to another, `part` of the sample
+    /// before the jump, with followers.
+    #[cold]
+    pub fn lead_over_jump<S: Stepper<T>>(
+        &self,
+        stepper: &mut S,
+        motion: &mut Motion<T>,
+        lines: [&InputSegment<T>; 2],
+        part: T,
+        followers: &mut [Option<Follower<T>>],
+    ) {
+        let half = self.model.half_backlash();
+        let Motion { run, user, .. } = motion;
+        advance_over_jump(stepper, &self.model, run, lines, part, |ram| {
+            *user = play(ram, *user, half);
+            for follower in followers.iter_mut().flatten() {
+                follower.follow(ram);
+            }
+        });
     }
 
     /// Takes a motion over samples in which nothing happens (see [`Stepper::glide`]), from a command (m) on, and shows

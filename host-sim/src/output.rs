@@ -86,10 +86,6 @@ pub fn show_standing(bar: &ProgressBar, standing: Standing) {
 pub const LATE_COMMAND: &str =
     "with the command one sample earlier, only noise is left: was it recorded a sample late?";
 
-/// What is said of records whose commands jump between two samples.
-pub const JUMPS_MOVED: &str = "the command jumps between two samples: when, is taken from the answer to each jump, which is \
-                               not compared for its first 10 ms";
-
 /// Writes a file whole or not at all.
 ///
 /// # Errors

@@ -69,6 +69,7 @@ pub fn run(rig: &Rig, excitation: &Excitation, step: f64) -> Vec<Outputs<f64>> {
     let knots = rig.knots(&excitation.command);
     let flight = Flight {
         arriving: &knots.arriving,
+        ahead: &knots.ahead,
         force: &force,
         holds: rig.drive_holds,
         law: rig.controller,

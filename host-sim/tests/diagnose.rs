@@ -293,15 +293,39 @@ fn spikes_on_the_line_of_a_sensor_are_no_effect() {
     faults_are_right(&result, 4.0, "spikes");
 }
 
-/// Steps are held out, and come a third of a sample after the last sample before them: an actuator without any effect is
-/// explained, and the time is taken from nothing else.
+/// When the steps of the held-out record of [`diagnose_flown`] come, s.
+const STEPS: [f64; 3] = [0.01, 0.2, 0.6];
+
+/// The jumps of the held-out record come so much later than the samples that they are meant for, s.
+fn jumps_are_found(result: &Value, later: f64) {
+    let jumps: Vec<Vec<f64>> = serde_json::from_value(result["command_jumps_s"].clone()).unwrap();
+    assert_eq!(jumps.iter().map(Vec::len).collect::<Vec<_>>(), [0, 0, STEPS.len()], "{jumps:?}");
+    for (found, step) in jumps[2].iter().zip(STEPS) {
+        assert!((found - step - later).abs() < 3e-5, "{found} s is not {step} s and {later} s later");
+    }
+}
+
+/// Steps are held out, and come 0.3 of a sample after the last sample before them: an actuator without any effect is
+/// explained, one with an effect has that and no other.
 #[test]
 fn a_command_that_jumps_between_two_samples_is_no_effect() {
-    let plant = faulty();
-    let result = diagnose_flown(|command| fly_curve(&plant, &command.clone().later(3e-4)), 1);
+    let later = 3e-4;
+    let mut plant = faulty();
+    let flown = |plant: &Plant| diagnose_flown(|command| fly_curve(plant, &command.clone().later(later)), 1);
+    let result = flown(&plant);
     assert_eq!(result["verdict"], "adequate", "{result:#}");
-    assert!(result["warnings"].to_string().contains("jumps between two samples"), "{result:#}");
+    jumps_are_found(&result, later);
     faults_are_right(&result, 4.0, "jumps");
+
+    plant.effects.friction_asymmetry = 0.2;
+    let result = flown(&plant);
+    assert_eq!(result["verdict"], "explained", "{result:#}");
+    jumps_are_found(&result, later);
+    faults_are_right(&result, 4.0, "jumps beside an effect");
+    // Jumps at samples are left there.
+    let at_samples = diagnose_flown(|command| fly_curve(&plant, command), 1);
+    assert_eq!(class(&at_samples), class(&result));
+    assert_eq!(at_samples["command_jumps_s"], Value::Null);
 }
 
 /// What a logger does to a record.

@@ -36,6 +36,9 @@ pub struct Record<'a, T> {
     /// Commanded position just before each sample, m: where the straight line from the sample before ends. The command
     /// jumps where that is not the sample itself. Empty where it never does.
     pub arriving: &'a [T],
+    /// Share of the sample before each one by which a jump of the command comes before it, from 0 to below 1. Empty where
+    /// every jump comes at its sample.
+    pub ahead: &'a [T],
     /// Force on the ram from outside, N (driving force minus load); empty where there is none.
     pub force: &'a [T],
     /// Does the force keep the value of a sample until the next one? If not it goes there in a straight line.
@@ -64,6 +67,7 @@ impl<'a, T: Real> Record<'a, T> {
             sample_period,
             command,
             arriving: &[],
+            ahead: &[],
             force: &[],
             holds: false,
             law: None,

@@ -91,12 +91,23 @@ impl<T: Real> Walk<T> {
             let force = self.lag.map_or(drive, |lag| lag.follow(&mut self.lagging, drive));
             let time = self.origin + record.sample_period * T::from_count((sample as u32).saturating_sub(1));
             let arriving = record.arriving(sample)?;
-            let segment = InputSegment::between([self.command, arriving], force, time, self.sample_rate);
-            self.actuator.lead(stepper, &mut self.motion, &segment, followers);
-            if arriving != command {
-                let from = Input { command: arriving, ..segment.at(record.sample_period) };
-                let time = time + record.sample_period;
-                self.motion.run.meet(&self.actuator.model, &from, &Input { command, ..from }, time);
+            let mut line = InputSegment::between([self.command, arriving], force, time, self.sample_rate);
+            let ahead = record.ahead.get(sample).copied().unwrap_or(T::ZERO);
+            if ahead > T::ZERO {
+                // Behind the jump the command is on the line of the sample that follows.
+                let rise = record.arriving(sample + 1).map_or(T::ZERO, |next| next - command);
+                let before = line;
+                line = InputSegment::between([command - rise, command], force, time, self.sample_rate);
+                let lines = [&before, &line];
+                let part = T::ONE - ahead;
+                self.actuator.lead_over_jump(stepper, &mut self.motion, lines, part, followers);
+            } else {
+                self.actuator.lead(stepper, &mut self.motion, &line, followers);
+                if arriving != command {
+                    let from = Input { command: arriving, ..line.at(record.sample_period) };
+                    let time = time + record.sample_period;
+                    self.motion.run.meet(&self.actuator.model, &from, &Input { command, ..from }, time);
+                }
             }
             self.drive = outer;
             if record.law.is_some() {
@@ -104,7 +115,7 @@ impl<T: Real> Walk<T> {
                 self.drive = outer + self.asked(record, command, &state);
             }
             let force = if self.lag.is_some() { self.lagging } else { self.drive };
-            input = Input { command, force, ..segment.start };
+            input = Input { command, force, ..line.start };
         }
         self.command = command;
         self.left = self.left.saturating_sub(1);

@@ -1,4 +1,5 @@
-//! The finest step that holds an event: to the crossing, through it into the next mode, and on.
+//! The finest step that holds an event: to the crossing, through it into the next mode, and on. And the one in which the
+//! command jumps: up to there, and on.
 
 use super::guards::Guards;
 use super::{Run, Step, Stepper, ceiling};
@@ -9,7 +10,7 @@ use crate::scalar::Real;
 /// Events that one finest step may hold; more are left to the next step.
 pub(super) const EVENTS_PER_STEP: usize = 8;
 
-/// Takes a run over one finest step that holds at least one event.
+/// Takes a run over a part of one finest step, from a share of it to another, that may hold events.
 ///
 /// Its parts are functions of their own: otherwise the stack would hold one while a mode's matrices are made.
 #[cold]
@@ -19,22 +20,23 @@ pub(super) fn cross<T: Real, S: Stepper<T>>(
     run: &mut Run<T>,
     segment: &InputSegment<T>,
     elapsed: T,
+    [mut done, until]: [T; 2],
     observe: &mut impl FnMut(T),
 ) {
     run.forget_motion();
-    let mut done = T::ZERO;
     for _ in 0..EVENTS_PER_STEP {
-        if !meet(stepper, model, run, segment, elapsed, &mut done, observe) {
+        if !meet(stepper, model, run, segment, elapsed, &mut done, until, observe) {
             return;
         }
         stepper.enter(model, run);
     }
-    finish(stepper, model, run, segment, elapsed, done);
+    finish(stepper, model, run, segment, elapsed, [done, until]);
 }
 
-/// Takes a run to the next event within a finest step, of which a part is done, and through it; without one to the end
-/// of the step. True if there was one.
+/// Takes a run to the next event within a finest step, of which a part is done, and through it; without one until
+/// another part is. True if there was one.
 #[inline(never)]
+#[expect(clippy::too_many_arguments, reason = "what a step needs, and its two ends")]
 fn meet<T: Real, S: Stepper<T>>(
     stepper: &S,
     model: &Model<T>,
@@ -42,14 +44,15 @@ fn meet<T: Real, S: Stepper<T>>(
     segment: &InputSegment<T>,
     elapsed: T,
     done: &mut T,
+    until: T,
     observe: &mut impl FnMut(T),
 ) -> bool {
     let unit = stepper.unit();
     let input = segment.at(elapsed + unit * *done);
-    let left = T::ONE - *done;
+    let left = until - *done;
     let arc = Arc::ahead(stepper, model, run, &input, segment.force_rate);
     let state = run.state.changed(&arc.after(left));
-    let end = elapsed + unit;
+    let end = elapsed + unit * until;
     let guards = Guards::at(model, &run.mode, &state, &segment.at(end), segment.time + end);
     let Some((index, guess)) = run.guards.first_crossing(&guards) else {
         run.state = state;
@@ -77,7 +80,8 @@ fn meet<T: Real, S: Stepper<T>>(
     true
 }
 
-/// Takes a run to the end of a finest step that holds too many events (a rig that chatters), in the mode that it is in.
+/// Takes a run to the end of a part of a finest step that holds too many events (a rig that chatters), in the mode that
+/// it is in.
 #[inline(never)]
 fn finish<T: Real, S: Stepper<T>>(
     stepper: &S,
@@ -85,13 +89,13 @@ fn finish<T: Real, S: Stepper<T>>(
     run: &mut Run<T>,
     segment: &InputSegment<T>,
     elapsed: T,
-    done: T,
+    [done, until]: [T; 2],
 ) {
     let unit = stepper.unit();
     let input = segment.at(elapsed + unit * done);
     let arc = Arc::ahead(stepper, model, run, &input, segment.force_rate);
-    run.state = run.state.changed(&arc.after(T::ONE - done));
-    let end = elapsed + unit;
+    run.state = run.state.changed(&arc.after(until - done));
+    let end = elapsed + unit * until;
     run.guards = Guards::at(model, &run.mode, &run.state, &segment.at(end), segment.time + end);
 }
 

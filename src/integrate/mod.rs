@@ -250,6 +250,61 @@ pub fn advance<T: Real, S: Stepper<T>>(
     }
 }
 
+/// Advances a run by one sample inside of which the command jumps from one line to another: `part` of it comes before the
+/// jump, from 0 to below 1. All of it is taken in finest steps.
+#[cold]
+pub fn advance_over_jump<T: Real, S: Stepper<T>>(
+    stepper: &mut S,
+    model: &Model<T>,
+    run: &mut Run<T>,
+    [before, after]: [&InputSegment<T>; 2],
+    part: T,
+    mut observe: impl FnMut(T),
+) {
+    stepper.enter(model, run);
+    if model.guards_see_command_rate() {
+        meet_rate(stepper, model, run, before);
+    }
+    let units = stepper.units();
+    let at = part * T::from_count(units);
+    let mut whole = 0;
+    while whole + 1 < units && T::from_count(whole + 1) <= at {
+        step_finely(stepper, model, run, before, whole, &mut observe);
+        whole += 1;
+    }
+    let (elapsed, share) = (stepper.unit() * T::from_count(whole), at - T::from_count(whole));
+    if !run.has_guards {
+        run.catch_up(model, None, before, elapsed);
+    }
+    cross(stepper, model, run, before, elapsed, [T::ZERO, share], &mut observe);
+    observe(run.state.ground());
+    let jump = elapsed + stepper.unit() * share;
+    run.meet(model, &before.at(jump), &after.at(jump), before.time + jump);
+    stepper.enter(model, run);
+    cross(stepper, model, run, after, elapsed, [share, T::ONE], &mut observe);
+    observe(run.state.ground());
+    for position in whole + 1..units {
+        step_finely(stepper, model, run, after, position, &mut observe);
+    }
+}
+
+/// Takes a run over one finest step.
+fn step_finely<T: Real, S: Stepper<T>>(
+    stepper: &mut S,
+    model: &Model<T>,
+    run: &mut Run<T>,
+    segment: &InputSegment<T>,
+    position: u32,
+    observe: &mut impl FnMut(T),
+) {
+    if !attempt(stepper, model, run, segment, position, 0) {
+        let elapsed = stepper.unit() * T::from_count(position);
+        cross(stepper, model, run, segment, elapsed, [T::ZERO, T::ONE], observe);
+        run.calm = 0;
+    }
+    observe(run.state.ground());
+}
+
 /// Takes a run over one sample in one step, the usual case; where that cannot be, the place to go on from.
 #[inline(always)]
 fn start<T: Real, S: Stepper<T>>(
@@ -486,7 +541,7 @@ fn divide<T: Real, S: Stepper<T>>(
                 continue;
             }
             let elapsed = stepper.unit() * T::from_count(position);
-            cross(stepper, model, run, segment, elapsed, observe);
+            cross(stepper, model, run, segment, elapsed, [T::ZERO, T::ONE], observe);
             run.calm = 0;
         }
         observe(run.state.ground());

@@ -58,10 +58,16 @@ pub(crate) fn confusion() -> Result<(), Failure> {
     run(&mut written_by("write_the_table"))
 }
 
-/// Makes the document of the drawn cases, or shows some of them.
-pub(crate) fn blind(cases: &[u64]) -> Result<(), Failure> {
+/// Makes the document of the drawn cases, or shows some of them, or saves their records.
+pub(crate) fn blind(cases: &[u64], records: Option<&Path>) -> Result<(), Failure> {
     let cases: Vec<String> = cases.iter().map(u64::to_string).collect();
-    run(written_by("write_the_drawn_cases").env("BLIND_CASES", cases.join(" ")))
+    let mut cargo = written_by("write_the_drawn_cases");
+    cargo.env("BLIND_CASES", cases.join(" "));
+    if let Some(folder) = records {
+        // The test runs elsewhere.
+        cargo.env("BLIND_RECORDS", env::current_dir().unwrap_or_default().join(folder));
+    }
+    run(&mut cargo)
 }
 
 /// A test that writes a document, and shows it as it is made.

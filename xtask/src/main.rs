@@ -6,6 +6,7 @@ mod setup;
 
 use clap::{Parser, Subcommand};
 use job::Failure;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// The jobs of the continuous integration, one sub-command each.
@@ -38,6 +39,9 @@ enum Task {
     Blind {
         /// Numbers of cases to show; the document stays as it is.
         cases: Vec<u64>,
+        /// Folder to save the records of these cases to, as CSV; they are not diagnosed.
+        #[arg(long, value_name = "DIR", requires = "cases")]
+        records: Option<PathBuf>,
     },
     /// Run the monitor beside other programs on the same records and print one table; installs what they need.
     /// Not part of `ci`.
@@ -57,7 +61,7 @@ impl Task {
             Self::Test => job::test(),
             Self::Firmware => job::firmware(),
             Self::Confusion => job::confusion(),
-            Self::Blind { cases } => job::blind(&cases),
+            Self::Blind { cases, records } => job::blind(&cases, records.as_deref()),
             Self::Peers => peers::run(),
         }
     }

@@ -1,62 +1,139 @@
 //! Commands that jump between two samples of their record.
 //!
-//! The record of a step shows after which sample it came, not how much. The model takes it to the end of that sample;
-//! what half a millisecond does to the answer of an actuator is ten times the noise of a good sensor. The answer to a jump
-//! that came a part of a sample earlier is, some ten milliseconds later, that part of the way to the answer to one that
-//! came a whole sample earlier: the part is found by least squares, for each jump alone, and its share taken out.
+//! The record of a step shows after which sample it came, not when; what half a millisecond does to the answer of an
+//! actuator is ten times the noise of a good sensor. So the time of each jump is one more unknown. It is found from the
+//! answer to the jump, until the next one comes, in turn with what else is free.
 
+use super::Case;
+use super::hypothesis::Hypothesis;
 use super::residual::MEASURED;
 use crate::fit::{self, Prepared};
 use crate::rig::Rig;
+use eha_monitor::model::state::Outputs;
 use std::iter;
+use std::ops::Range;
 
-/// Time after a jump for which the answer is no straight line in its time, s: it is not compared.
-const BENT_S: f64 = 0.01;
+/// Where a jump is looked for at first, as a share of the sample before it.
+const AT_FIRST: f64 = 0.5;
+/// Largest share: a jump that came a whole sample earlier would show there.
+const LARGEST: f64 = 0.999;
+/// Share by which a jump is moved to see what its time changes.
+const MOVE: f64 = 0.02;
+/// Time after a jump for which the answer to it is left out at first, s: where friction then holds the actuator depends on
+/// the time of the jump, and would be put down to the friction.
+const ANSWER_S: f64 = 0.5;
+/// Most of the fitted records that is left out.
+const MOST_LEFT_OUT: f64 = 0.75;
+/// Most turns of times and model, and the fall of chi-square below which there are no more.
+const MOST_TURNS: usize = 12;
+const SETTLED: f64 = 0.1;
+/// Least time between jumps in the mean, s: a command that goes in stairs is not of this kind.
+const APART_S: f64 = 0.04;
 
-/// Share of a record that may not be compared because its command jumps: one that goes in stairs is not of this kind.
-const MOST: f64 = 0.25;
+/// The jumps of the commands of some records.
+pub(super) struct Jumps {
+    /// The samples that show them first, of each record.
+    samples: Vec<Vec<usize>>,
+}
 
-/// The records as they would be had each jump of their commands come at the end of its sample, as far as a model can
-/// tell; none where no command jumps, or one does so all the time. Their commands are on a curve.
-pub(super) fn at_their_samples(rig: &Rig, records: &[Prepared]) -> Option<Vec<Prepared>> {
-    let jumps: Vec<Vec<usize>> = records.iter().map(Prepared::jumps).collect();
-    let is_rare = |(jumps, record): (&Vec<usize>, &Prepared)| {
-        jumps.len() as f64 * BENT_S <= MOST * record.len() as f64 * record.sample_period
-    };
-    if jumps.iter().all(Vec::is_empty) || !iter::zip(&jumps, records).all(is_rare) {
-        return None;
+/// A model and its records, the times of the jumps of their commands fitted to both.
+pub(super) struct Timed {
+    pub(super) records: Vec<Prepared>,
+    pub(super) model: Hypothesis,
+    /// The times, of each record, s after its first sample.
+    pub(super) times: Vec<Vec<f64>>,
+}
+
+impl Jumps {
+    /// The jumps of records whose commands are on a curve; none where no command jumps, or one does so all the time.
+    pub(super) fn of(records: &[Prepared]) -> Option<Self> {
+        let samples: Vec<Vec<usize>> = records.iter().map(Prepared::jumps).collect();
+        let are_rare = |(jumps, record): (&Vec<usize>, &Prepared)| {
+            jumps.len() as f64 * APART_S <= record.len() as f64 * record.sample_period
+        };
+        let has_any = samples.iter().any(|jumps| !jumps.is_empty());
+        (has_any && iter::zip(&samples, records).all(are_rare)).then_some(Self { samples })
     }
-    let earlier: Vec<Prepared> = records.iter().map(Prepared::with_earlier_jumps).collect();
-    let [here, earlier] = [records, &earlier].map(|records| fit::predict(rig, records));
-    let moved = (0..records.len()).map(|index| {
-        let (record, jumps) = (&records[index], &jumps[index]);
-        let [here, earlier] = [&here[index], &earlier[index]];
-        let bent = (BENT_S / record.sample_period) as usize;
-        // The next jump, moved, is one sample earlier.
-        let ends = jumps.iter().skip(1).map(|next| next - 1).chain([record.len()]);
-        let mut by = vec![[0.0; MEASURED]; record.len()];
-        for (&jump, end) in jumps.iter().zip(ends) {
-            let answer = (jump + bent).min(end)..end;
-            let (mut product, mut square) = (0.0, 0.0);
-            for sample in answer.clone() {
-                let [here, earlier] = [here, earlier].map(|outputs| outputs[sample].to_array());
-                for channel in (0..MEASURED).filter(|&channel| record.noise[channel].is_finite()) {
-                    let change = (earlier[channel] - here[channel]) / record.noise[channel];
-                    let left = (record.measured(channel)[sample] - here[channel]) / record.noise[channel];
-                    if left.is_finite() && record.is_compared(sample) {
-                        product += left * change;
-                        square += change * change;
-                    }
-                }
+
+    /// What their times cost beside a model: the logarithm of the number of samples for each.
+    pub(super) fn price(&self, model: &Hypothesis, scale: f64) -> f64 {
+        let count = f64::from(model.joint.misfit.count) / scale;
+        self.samples.iter().flatten().count() as f64 * count.ln().max(1.0)
+    }
+
+    /// Times the jumps of the records of a case in turn with a model, which is first fitted to what is not the answer to
+    /// a jump.
+    pub(super) fn timed(&self, case: &Case<'_>, fitted: impl Fn(&Case<'_>) -> Hypothesis) -> Timed {
+        let at = |records: &[Prepared], shares: &[Vec<f64>]| -> Vec<Prepared> {
+            iter::zip(records, shares).map(|(record, shares)| record.with_jumps_ahead(shares)).collect()
+        };
+        let with = |shares: &[Vec<f64>]| at(case.records, shares);
+        let mut shares: Vec<Vec<f64>> =
+            self.samples.iter().map(|jumps| vec![AT_FIRST; jumps.len()]).collect();
+        let mut records = with(&shares);
+        let answers = self.samples[..case.fitted].iter().flatten().count() as f64 * ANSWER_S;
+        let flown: f64 = case.train().iter().map(|record| record.len() as f64 * record.sample_period).sum();
+        let without: Vec<Prepared> =
+            case.records.iter().map(|record| record.without_jumps(ANSWER_S)).collect();
+        let at_first = if answers < MOST_LEFT_OUT * flown { at(&without, &shares) } else { records.clone() };
+        let mut model = fitted(&Case { records: &at_first, ..*case });
+        for _ in 0..MOST_TURNS {
+            let before = model.joint.misfit.chi_square;
+            self.turn(&mut shares, &model.joint.applied(&model.rig, &model.ranges), &with);
+            records = with(&shares);
+            model = model.refitted(&Case { records: &records, ..*case });
+            if (before - model.joint.misfit.chi_square).abs() < SETTLED {
+                break;
             }
-            let part = if square > 0.0 { (product / square).clamp(0.0, 1.0) } else { 0.0 };
-            for sample in answer {
-                let [here, earlier] = [here, earlier].map(|outputs| outputs[sample].to_array());
-                by[sample] = std::array::from_fn(|channel| part * (earlier[channel] - here[channel]));
-            }
-            by[jump - 1..(jump + bent).min(end)].fill([f64::NAN; MEASURED]);
         }
-        record.moved(&by)
-    });
-    Some(moved.collect())
+        let times = iter::zip(&self.samples, &shares).zip(case.records).map(|((jumps, shares), record)| {
+            iter::zip(jumps, shares)
+                .map(|(&jump, share)| (jump as f64 - share) * record.sample_period)
+                .collect()
+        });
+        Timed { times: times.collect(), records, model }
+    }
+
+    /// Moves each jump to where the answer to it says that it is, as far as a straight line tells.
+    fn turn(&self, shares: &mut [Vec<f64>], rig: &Rig, with: &impl Fn(&[Vec<f64>]) -> Vec<Prepared>) {
+        let moved: Vec<Vec<f64>> =
+            shares.iter().map(|of| of.iter().map(|&share| share + inwards(share)).collect()).collect();
+        let records = with(shares);
+        let [here, there] = [&records, &with(&moved)].map(|records| fit::predict(rig, records));
+        for (index, record) in records.iter().enumerate() {
+            let jumps = &self.samples[index];
+            let ends = jumps.iter().skip(1).copied().chain([record.len()]);
+            for ((share, &jump), end) in shares[index].iter_mut().zip(jumps).zip(ends) {
+                let by = inwards(*share) * times_shown(record, &here[index], &there[index], jump..end);
+                *share = (*share + by).clamp(0.0, LARGEST);
+            }
+        }
+    }
+}
+
+/// By how much a jump is moved to see what that changes: inwards.
+fn inwards(share: f64) -> f64 {
+    if share < AT_FIRST { MOVE } else { -MOVE }
+}
+
+/// How many times the change from one prediction of a record to another is what samples of it show.
+fn times_shown(
+    record: &Prepared,
+    here: &[Outputs<f64>],
+    there: &[Outputs<f64>],
+    samples: Range<usize>,
+) -> f64 {
+    let (mut product, mut square) = (0.0, 0.0);
+    for sample in samples.filter(|&sample| record.is_compared(sample)) {
+        let [here, there] = [here, there].map(|outputs| outputs[sample].to_array());
+        for channel in (0..MEASURED).filter(|&channel| record.noise[channel].is_finite()) {
+            let change = (there[channel] - here[channel]) / record.noise[channel];
+            let left = (record.measured(channel)[sample] - here[channel]) / record.noise[channel];
+            if left.is_finite() {
+                product += left * change;
+                square += change * change;
+            }
+        }
+    }
+    if square > 0.0 { product / square } else { 0.0 }
 }

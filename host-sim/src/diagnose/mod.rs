@@ -41,6 +41,7 @@ use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
 use hypothesis::Hypothesis;
+use jumps::{Jumps, Timed};
 use residual::{Description, MEASURED};
 use weighing::Earned;
 
@@ -48,6 +49,9 @@ use weighing::Earned;
 const ROOT_SEEDS: u64 = 8;
 /// Standard deviations of the residual tests: with four channels, a chance of 1e-4 of a false alarm.
 const RESIDUAL_LIMIT: f64 = 5.0;
+
+/// How often jumps are timed beside effects that are then found to be others.
+const MOST_TIMED: usize = 3;
 
 /// What the data say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -130,8 +134,10 @@ pub struct Diagnosis {
     pub predictions: Vec<Vec<Outputs<f64>>>,
     /// What is left, where the verdict is unexplained.
     pub left: Option<Description>,
-    /// Do commands jump between two samples, and were the records moved to what they would be had they jumped at one?
-    pub jumps_moved: bool,
+    /// The records as they were compared: the fitted ones, then those that were held out.
+    pub records: Vec<Prepared>,
+    /// When the command of each record jumps, s after its first sample, where that was found to be between two samples.
+    pub jumps: Option<Vec<Vec<f64>>>,
 }
 
 impl Diagnosis {
@@ -211,11 +217,14 @@ impl<'a> Case<'a> {
 /// is the answer.
 pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
     let at_first = |what: &str, share: f64| watch(what, 0.9 * share);
-    let diagnosis = diagnose_in_noise(case, settings, &at_first);
-    if diagnosis.verdict != Verdict::Unexplained || interrupt::requested() {
+    let (diagnosis, best) = diagnose_in_noise(case, settings, &at_first);
+    if diagnosis.verdict == Verdict::Adequate || interrupt::requested() {
         return diagnosis;
     }
-    if let Some(diagnosis) = diagnose_with_jumps(case, &diagnosis.rig, settings, watch) {
+    if let Some(diagnosis) = diagnose_with_jumps(case, &best, settings, watch) {
+        return diagnosis;
+    }
+    if diagnosis.verdict != Verdict::Unexplained || interrupt::requested() {
         return diagnosis;
     }
     let colour: [f64; MEASURED] = std::array::from_fn(|channel| {
@@ -238,34 +247,45 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Di
     });
     let coloured = Case { records: &records, known_noise, ..*case };
     let again = |what: &str, share: f64| watch(&format!("{what}, coloured noise"), 0.9 + 0.1 * share);
-    let other = diagnose_in_noise(&coloured, settings, &again);
+    let (other, _) = diagnose_in_noise(&coloured, settings, &again);
     if other.verdict == Verdict::Unexplained { diagnosis } else { other }
 }
 
-/// Diagnoses a case whose commands jump between samples; none where they do not, or where more than that is wrong with a
-/// model that left something.
+/// Diagnoses a case whose commands jump between samples; none where they do not, or where that explains no more than the
+/// model that was found without it.
 fn diagnose_with_jumps(
     case: &Case<'_>,
-    model: &Rig,
+    found: &Hypothesis,
     settings: &FitSettings,
     watch: Watch<'_>,
 ) -> Option<Diagnosis> {
-    let on_curve = |rig: &Rig| Rig { command_path: CommandPath::Curve, ..rig.clone() };
-    let (rig, model) = (on_curve(case.rig), on_curve(model));
-    let curved: Option<Vec<Prepared>> = match case.rig.command_path {
-        CommandPath::Lines => Some(case.records.iter().map(|record| record.along(&rig)).collect()),
-        CommandPath::Curve => Some(case.records.to_vec()),
-        CommandPath::Held => None,
-    };
-    let records = jumps::at_their_samples(&model, &curved?)?;
-    let moved = Case { rig: &rig, records: &records, ..*case };
-    if !moved.is_noise_left(&fit::predict(&model, &records)) {
+    let is_curve = case.rig.command_path == CommandPath::Curve;
+    let as_it_is = || is_curve.then(|| (case.rig.clone(), case.records.to_vec()));
+    let (rig, records) = fit::curved(case.rig, case.records).or_else(as_it_is)?;
+    let curved = Case { rig: &rig, records: &records, ..*case };
+    let jumps = Jumps::of(&records)?;
+    let beside = |found: &Hypothesis| jumps.timed(&curved, |case| found.refitted(case));
+    let alone = jumps.timed(&curved, |case| Declared::of(case, settings).root);
+    let beside_found = (!found.added.is_empty()).then(|| beside(found));
+    let timed: Vec<Timed> = [alone].into_iter().chain(beside_found).collect();
+    let scale = timed.iter().map(|timed| timed.model.scale()).fold(found.scale(), f64::min);
+    let cost = |timed: &Timed| timed.model.cost(scale) + jumps.price(&timed.model, scale);
+    let mut best = timed.into_iter().min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
+    if cost(&best) > found.cost(scale) - TOLD_APART {
         return None;
     }
     let again =
         |what: &str, share: f64| watch(&format!("{what}, command jumps between samples"), 0.9 + 0.1 * share);
-    let diagnosis = diagnose_in_noise(&moved, settings, &again);
-    (diagnosis.verdict != Verdict::Unexplained).then_some(Diagnosis { jumps_moved: true, ..diagnosis })
+    let mut turn = 1;
+    loop {
+        let timed = Case { records: &best.records, ..curved };
+        let (diagnosis, found) = diagnose_in_noise(&timed, settings, &again);
+        if turn == MOST_TIMED || found.same_effects(&best.model) || interrupt::requested() {
+            return Some(Diagnosis { jumps: Some(best.times), ..diagnosis });
+        }
+        best = beside(&found);
+        turn += 1;
+    }
 }
 
 /// Diagnoses a case whose noise is as it says.
@@ -273,11 +293,11 @@ fn diagnose_with_jumps(
 /// What a record does not say is what its command does between the samples: straight lines, unless a curve explains more
 /// (see [`crate::rig::CommandPath`]). Where that makes a difference to what is found on the likelier path, and the other
 /// may be it as well, that is tried too.
-fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
+fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> (Diagnosis, Hypothesis) {
     watch("fitting the declared faults", 0.0);
     let on_lines = Declared::of(case, settings);
     let Some((rig, records)) = fit::curved(case.rig, case.records) else {
-        return diagnose_from(case, on_lines, settings, watch).0;
+        return diagnose_from(case, on_lines, settings, watch);
     };
     let curved = Case { rig: &rig, records: &records, ..*case };
     let on_curve = Declared::of(&curved, settings);
@@ -295,12 +315,16 @@ fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) 
         || diagnosis.verdict == Verdict::Adequate
         || paths_apart(&best.rig, case, &curved) < TOLD_APART * best.scale();
     if is_settled || interrupt::requested() {
-        return diagnosis;
+        return (diagnosis, best);
     }
     let again =
         |what: &str, share: f64| watch(&format!("{what}, command on its other path"), 0.6 + 0.4 * share);
     let (other_diagnosis, other) = diagnose_from(there, declared_there, settings, &again);
-    if other.cost(best.scale()) < best.cost(best.scale()) { other_diagnosis } else { diagnosis }
+    if other.cost(best.scale()) < best.cost(best.scale()) {
+        (other_diagnosis, other)
+    } else {
+        (diagnosis, best)
+    }
 }
 
 /// Chi-square between what a model predicts for the same records on two paths of their command.
@@ -453,7 +477,8 @@ fn conclude(case: &Case<'_>, before: Fit, best: &Hypothesis, earned: &[Earned], 
         rig: best.rig.clone(),
         predictions,
         before,
-        jumps_moved: false,
+        records: case.records.to_vec(),
+        jumps: None,
     }
 }
 

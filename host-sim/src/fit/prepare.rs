@@ -44,6 +44,7 @@ pub struct Prepared {
     pub sample_period: f64,
     command: Vec<f64>,
     arriving: Vec<f64>,
+    ahead: Vec<f64>,
     force: Vec<f64>,
     measured: [Vec<f64>; MEASURED],
     /// Standard deviation of the noise of each measured channel, in its unit, or of the white noise that weighs as much
@@ -70,6 +71,7 @@ impl Prepared {
             sample_period: self.sample_period,
             command: &self.command,
             arriving: &self.arriving,
+            ahead: &self.ahead,
             force: &self.force,
             holds: self.holds,
             law: self.law,
@@ -112,6 +114,7 @@ impl Prepared {
             sample_period: self.sample_period,
             command: cut(&self.command),
             arriving: cut(&self.arriving),
+            ahead: cut(&self.ahead),
             force: cut(&self.force),
             measured: self.measured.each_ref().map(cut),
             drive: cut(&self.drive),
@@ -134,7 +137,7 @@ impl Prepared {
     /// is taken there, unless it is at its limit.
     #[must_use]
     pub fn along(&self, rig: &Rig) -> Self {
-        let Knots { command, arriving } = rig.knots(&self.command);
+        let Knots { command, arriving, ahead } = rig.knots(&self.command);
         let Parameters { proportional_gain, current_limit, .. } = rig.parameters;
         let mut measured = self.measured.clone();
         let moved =
@@ -144,7 +147,7 @@ impl Prepared {
                 *current += moved;
             }
         }
-        Self { command, arriving, measured, ..self.clone() }
+        Self { command, arriving, ahead, measured, ..self.clone() }
     }
 
     /// The same record, knowing what its command may have lost to the step in which it was recorded: that much error of
@@ -205,39 +208,37 @@ impl Prepared {
 
     /// Samples at which the command jumps.
     pub fn jumps(&self) -> Vec<usize> {
-        (1..self.len()).filter(|&sample| self.jumps_at(sample)).collect()
+        let jumps = |&sample: &usize| {
+            let ends = (self.arriving.get(sample), self.command.get(sample));
+            let is_between = self.ahead.get(sample).is_some_and(|&ahead| ahead > 0.0);
+            matches!(ends, (Some(arriving), Some(command)) if arriving != command) && !is_between
+        };
+        (1..self.len()).filter(jumps).collect()
     }
 
-    fn jumps_at(&self, sample: usize) -> bool {
-        let ends = (self.arriving.get(sample), self.command.get(sample));
-        matches!(ends, (Some(arriving), Some(command)) if arriving != command)
-    }
-
-    /// The same record, each jump of its command one sample earlier.
+    /// The same record without its measured samples of a time, s, from each jump of its command on.
     #[must_use]
-    pub fn with_earlier_jumps(&self) -> Self {
-        let (mut command, mut arriving) = (self.command.clone(), self.arriving.clone());
-        for sample in self.jumps().into_iter().filter(|&sample| !self.jumps_at(sample - 1)) {
-            let next = sample + 1;
-            let goes_on = next < self.len() && !self.jumps_at(next);
-            let rise = if goes_on { self.command[next] - self.command[sample] } else { 0.0 };
-            arriving[sample - 1] = self.command[sample - 1];
-            command[sample - 1] = self.command[sample] - rise;
-            arriving[sample] = self.command[sample];
-        }
-        Self { command, arriving, ..self.clone() }
-    }
-
-    /// The same record, its measured channels less so much at each sample; lost where that is NaN.
-    #[must_use]
-    pub fn moved(&self, by: &[[f64; MEASURED]]) -> Self {
+    pub fn without_jumps(&self, answer: f64) -> Self {
+        let longest = (answer / self.sample_period) as usize;
         let mut measured = self.measured.clone();
-        for (channel, values) in measured.iter_mut().enumerate() {
-            for (value, by) in values.iter_mut().zip(by) {
-                *value -= by[channel];
+        for jump in self.jumps() {
+            let answer = jump..(jump + longest).min(self.len());
+            for values in measured.iter_mut().filter(|values| !values.is_empty()) {
+                values[answer.clone()].fill(f64::NAN);
             }
         }
         Self { measured, ..self.clone() }
+    }
+
+    /// The same record, each jump of its command ahead of its sample by a share of the one before, from 0 to below 1.
+    #[must_use]
+    pub fn with_jumps_ahead(&self, shares: &[f64]) -> Self {
+        let mut ahead = self.ahead.clone();
+        ahead.resize(self.len(), 0.0);
+        for (jump, &share) in self.jumps().into_iter().zip(shares) {
+            ahead[jump] = share;
+        }
+        Self { ahead, ..self.clone() }
     }
 
     /// Samples after which a closed loop that starts at rest has forgotten that: it is where it would be had it moved
@@ -270,7 +271,7 @@ impl Prepared {
 
     /// Is its command the same, between the samples too, as that of another one?
     pub fn flies_as(&self, other: &Self) -> bool {
-        self.command == other.command && self.arriving == other.arriving
+        self.command == other.command && self.arriving == other.arriving && self.ahead == other.ahead
     }
 
     /// Number of samples.
@@ -390,6 +391,7 @@ pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepa
         sample_period,
         command,
         arriving: Vec::new(),
+        ahead: Vec::new(),
         force,
         measured,
         noise,

@@ -42,12 +42,9 @@ pub(crate) type OfParts<S> = [Option<[S; 2]>; 2];
 /// The report of a diagnosis, as an HTML file.
 pub(crate) fn diagnosis(case: &Diagnosed<'_>) -> String {
     let (diagnosis, result) = (case.diagnosis, case.result);
-    let prepare = |records: &[Record]| -> Vec<Prepared> {
-        records.iter().map(|record| fit::prepare(case.rig, record)).collect()
-    };
-    let (train, holdout) = (prepare(case.train), prepare(case.holdout));
+    let (train, holdout) = diagnosis.records.split_at(case.train.len());
     let before = diagnosis.before.applied(case.rig);
-    let held_out = [fit::predict(&before, &holdout), fit::predict(&diagnosis.rig, &holdout)];
+    let held_out = [fit::predict(&before, holdout), fit::predict(&diagnosis.rig, holdout)];
     let changed = !diagnosis.found.is_empty();
     let compare = |records: &'static str, index: usize| {
         let (record, prepared, offset, outputs): (_, _, _, [&[Outputs<f64>]; 2]) = if records == "fitted" {
@@ -76,10 +73,8 @@ pub(crate) fn diagnosis(case: &Diagnosed<'_>) -> String {
     }
     sections.push(("Fitted records", figures::records(&fitted)));
     sections.push(("What is left", figures::residual_tests(&fitted, 0, diagnosis.noise[0])));
-    sections.push((
-        "Search for the declared faults, before",
-        before_search(diagnosis, case.rig, &ranges, &train),
-    ));
+    sections
+        .push(("Search for the declared faults, before", before_search(diagnosis, case.rig, &ranges, train)));
     let (class, verdict) = badge(diagnosis.verdict);
     Page {
         title: "Diagnosis",

@@ -16,6 +16,7 @@ use eha_monitor::channel::Channel;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::slice;
 use std::time::Instant;
 
 /// Options of `diagnose`.
@@ -85,11 +86,15 @@ pub(super) struct Answer {
 }
 
 impl Job<'_> {
+    /// The records that are fitted, then those that are held out.
+    fn records(&self) -> impl Iterator<Item = &Record> {
+        self.train.iter().chain(&self.holdout)
+    }
+
     /// Diagnoses, and takes the command on the path that it is found to be on.
     pub(super) fn run(&mut self) -> Result<Answer, Failure> {
         let started = Instant::now();
-        let records: Vec<Prepared> =
-            self.train.iter().chain(&self.holdout).map(|record| fit::prepare(&self.rig, record)).collect();
+        let records: Vec<Prepared> = self.records().map(|record| fit::prepare(&self.rig, record)).collect();
         if self.rig.faults.is_empty() && self.rig.free.is_empty() {
             return Err(Failure::usage(
                 "the rig declares no fault and no free parameter: there is nothing to fit",
@@ -108,11 +113,13 @@ impl Job<'_> {
         {
             self.record_notes.push(output::LATE_COMMAND.to_owned());
         }
-        if diagnosis.jumps_moved {
-            self.record_notes.push(output::JUMPS_MOVED.to_owned());
-        }
         bar.finish_and_clear();
         self.rig.command_path = diagnosis.rig.command_path;
+        for (record, jumps) in self.records().zip(diagnosis.jumps.iter_mut().flatten()) {
+            for time in jumps {
+                *time += record.start_time_s();
+            }
+        }
         if let Some(left) = &mut diagnosis.left {
             left.active = left.active.map(|since_start| self.train[0].start_time_s() + since_start);
         }
@@ -194,6 +201,7 @@ impl Job<'_> {
                 "active_s": left.active,
                 "tone": left.tone.map(|(frequency, share)| json!({ "frequency_Hz": frequency, "share": share })),
             })),
+            "command_jumps_s": diagnosis.jumps,
             "next_experiment": next_experiment(self, diagnosis),
             "warnings": self.warnings(diagnosis),
             "seconds": seconds,
@@ -213,6 +221,15 @@ impl Job<'_> {
             warnings.push("no held-out record: what was found is not validated".to_owned());
         }
         warnings.extend(output::command_note(&diagnosis.rig));
+        for (name, jumps) in self.names.iter().zip(diagnosis.jumps.iter().flatten()) {
+            let times: Vec<String> = jumps.iter().map(|time| format!("{time:.5}")).collect();
+            if !times.is_empty() {
+                warnings.push(format!(
+                    "{name}: the command jumps between samples, as the answer to each jump tells: at {} s",
+                    times.join(", ")
+                ));
+            }
+        }
         for (channel, colour) in
             Channel::MEASURED.into_iter().zip(diagnosis.colour).filter(|(_, colour)| *colour > 0.0)
         {
@@ -267,9 +284,10 @@ impl Job<'_> {
             })
         })?;
         if let (Some(path), Some(record)) = (prediction, self.holdout.first()) {
-            let prepared = [fit::prepare(&self.rig, record)];
+            let compared = &diagnosis.records[self.train.len()];
+            let predicted = fit::predict(&diagnosis.rig, slice::from_ref(compared)).concat();
             let mut text = String::from("t_s,lvdt_m\n");
-            for (sample, output) in fit::predict(&diagnosis.rig, &prepared).concat().iter().enumerate() {
+            for (sample, output) in predicted.iter().enumerate() {
                 let _ = writeln!(text, "{},{}", record.time_s(sample), output.user);
             }
             output::write_file(path, text.as_bytes())?;
@@ -279,11 +297,9 @@ impl Job<'_> {
 
     /// The fitted records against the model before and after.
     fn trace(&self, diagnosis: &Diagnosis) -> Trace {
-        let prepared: Vec<Prepared> =
-            self.train.iter().map(|record| fit::prepare(&self.rig, record)).collect();
         let models: [(&str, &[_]); 2] =
             [("before", &diagnosis.before.predictions), ("after", &diagnosis.predictions)];
-        Trace::new(&self.train, &prepared, &models)
+        Trace::new(&self.train, &diagnosis.records[..self.train.len()], &models)
     }
 
     /// The errors of an axis whose controller is known.

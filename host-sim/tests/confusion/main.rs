@@ -38,10 +38,12 @@ fn write_the_table() {
 #[test]
 #[ignore = "the drawn cases take some half an hour"]
 fn write_the_drawn_cases() {
-    // Numbers of cases, separated by blanks, that are to be shown in place of the document.
+    // Numbers of cases, separated by blanks, that are to be shown in place of the document, or saved to a folder.
     let chosen = std::env::var("BLIND_CASES").unwrap_or_default();
     let chosen: Vec<u64> = chosen.split_whitespace().map(|number| number.parse().unwrap()).collect();
-    if chosen.is_empty() {
+    if let Some(folder) = std::env::var_os("BLIND_RECORDS") {
+        blind::save(&chosen, folder.as_ref()).unwrap();
+    } else if chosen.is_empty() {
         std::fs::write(document("blind.md"), blind::document()).unwrap();
     } else {
         blind::lines(&chosen);
