@@ -486,3 +486,18 @@ fn what_is_not_in_the_catalogue_is_not_given_a_name() {
     assert!(class(&result).is_empty(), "{:?}", class(&result));
     assert!(result["left"]["active_s"].is_array());
 }
+
+/// The position alone leaves the friction open; what is held out shows it. The current does as well.
+#[test]
+fn faults_that_the_fitted_records_leave_open_are_said_to_be_so() {
+    let mut plant = faulty();
+    (plant.parameters.backlash, plant.parameters.jack_friction) = (6.76e-4, 1181.0);
+    let note = "the fitted records leave so much open";
+    let commands = [Command::Chirp { amplitude: 3e-3 }, Command::Mixed, Command::MixedStep];
+    let positions = diagnose_positions(&plant, &commands, POSITION_NOISE, 31);
+    assert_eq!(positions["verdict"], "adequate", "{positions:#}");
+    assert!(positions["warnings"].to_string().contains(note), "{positions:#}");
+    let currents = diagnose(&plant, 31);
+    assert_eq!(currents["verdict"], "adequate", "{currents:#}");
+    assert!(!currents["warnings"].to_string().contains(note), "{currents:#}");
+}

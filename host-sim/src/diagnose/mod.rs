@@ -128,6 +128,9 @@ pub struct Diagnosis {
     pub train: [Score; 2],
     /// Held-out records, before and after; none where there are none.
     pub holdout: Option<[Score; 2]>,
+    /// Do the fitted records leave so much open that the held-out ones are predicted worse than their noise, although the
+    /// model explains them all together?
+    pub is_open: bool,
     /// The final model.
     pub rig: Rig,
     /// Its prediction of the training records.
@@ -199,12 +202,15 @@ impl<'a> Case<'a> {
     /// Do predictions of all records leave no more than noise of them?
     fn is_noise_left(&self, predictions: &[Vec<Outputs<f64>>]) -> bool {
         let (train, holdout) = predictions.split_at(self.fitted);
-        [(self.train(), train), (self.holdout(), holdout)].into_iter().all(|(records, predictions)| {
-            let residuals = residual::of_channels(records, predictions);
-            residuals.iter().enumerate().all(|(channel, residual)| {
-                residual.is_none_or(|residual| {
-                    residual.is_noise(self.model_error[channel], self.known_noise[channel], RESIDUAL_LIMIT)
-                })
+        self.is_noise_left_of(self.train(), train) && self.is_noise_left_of(self.holdout(), holdout)
+    }
+
+    /// Do predictions of some of them?
+    fn is_noise_left_of(&self, records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> bool {
+        let residuals = residual::of_channels(records, predictions);
+        residuals.iter().enumerate().all(|(channel, residual)| {
+            residual.is_none_or(|residual| {
+                residual.is_noise(self.model_error[channel], self.known_noise[channel], RESIDUAL_LIMIT)
             })
         })
     }
@@ -461,6 +467,8 @@ fn conclude(case: &Case<'_>, before: Fit, best: &Hypothesis, earned: &[Earned], 
             Fault { estimate, confounded_with: open.confounded[index].clone() }
         })
         .collect();
+    let foretold = || case.is_noise_left_of(case.holdout(), &fit::predict(&best.rig, case.holdout()));
+    let is_open = noise_only && !foretold();
     let left = (!noise_only).then(|| residual::describe(&case.train()[0], &predictions[0]));
     let bare = before.applied(case.rig);
     let scores = |records: &[Prepared]| [score(&bare, records), score(&best.rig, records)];
@@ -474,6 +482,7 @@ fn conclude(case: &Case<'_>, before: Fit, best: &Hypothesis, earned: &[Earned], 
         train: scores(case.train()),
         holdout: (!case.holdout().is_empty()).then(|| scores(case.holdout())),
         left,
+        is_open,
         rig: best.rig.clone(),
         predictions,
         before,

@@ -220,6 +220,13 @@ impl Job<'_> {
         if diagnosis.holdout.is_none() && !diagnosis.found.is_empty() {
             warnings.push("no held-out record: what was found is not validated".to_owned());
         }
+        if diagnosis.is_open {
+            warnings.push(
+                "the fitted records leave so much open that the held-out ones are predicted worse than their noise; \
+                 one model explains them all together: fit them all for closer estimates"
+                    .to_owned(),
+            );
+        }
         warnings.extend(output::command_note(&diagnosis.rig));
         for (name, jumps) in self.names.iter().zip(diagnosis.jumps.iter().flatten()) {
             let times: Vec<String> = jumps.iter().map(|time| format!("{time:.5}")).collect();
