@@ -20,7 +20,10 @@
 //! residual noise? adequate or explained : unexplained
 //!        |
 //!        v
-//! unexplained: is it noise if the commands jump between samples, or if the noise is coloured? Then anew, with that
+//! not adequate: do commands that jump between samples explain it better? Then anew, with that
+//!        |
+//!        v
+//! unexplained: is it noise if the noise is coloured? Then anew, with that
 //! ```
 
 mod candidate;
@@ -218,24 +221,25 @@ impl<'a> Case<'a> {
 
 /// Diagnoses a case. `watch` is told what is being done, and how much of it (0 to 1).
 ///
-/// Commands are taken to jump at samples, and noise for white, first. Where something is left, jumps between two samples
-/// may be what is wrong, or noise that is coloured, as its spectrum where no actuator follows tells; if that is all, it
-/// is the answer.
+/// Commands are taken to jump at samples, and noise for white, first. Where effects are found or something is left, jumps
+/// between two samples may be why; where something is left, noise that is coloured, as its spectrum where no actuator
+/// follows tells. What explains more is the answer.
 pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
     let at_first = |what: &str, share: f64| watch(what, 0.9 * share);
     let (diagnosis, best) = diagnose_in_noise(case, settings, &at_first);
     if diagnosis.verdict == Verdict::Adequate || interrupt::requested() {
         return diagnosis;
     }
-    if let Some(diagnosis) = diagnose_with_jumps(case, &best, settings, watch) {
-        return diagnosis;
-    }
-    if diagnosis.verdict != Verdict::Unexplained || interrupt::requested() {
-        return diagnosis;
+    let with_jumps = diagnose_with_jumps(case, &best, settings, watch);
+    match with_jumps {
+        Some(diagnosis) if diagnosis.verdict != Verdict::Unexplained => return diagnosis,
+        _ if diagnosis.verdict != Verdict::Unexplained || interrupt::requested() => return diagnosis,
+        _ => {}
     }
     let colour: [f64; MEASURED] = std::array::from_fn(|channel| {
         fit::colour_of(&residual::series(case.train(), &diagnosis.predictions, channel))
     });
+    let diagnosis = with_jumps.unwrap_or(diagnosis);
     if colour == [0.0; MEASURED] {
         return diagnosis;
     }
