@@ -298,11 +298,23 @@ fn step_finely<T: Real, S: Stepper<T>>(
     observe: &mut impl FnMut(T),
 ) {
     if !attempt(stepper, model, run, segment, position, 0) {
-        let elapsed = stepper.unit() * T::from_count(position);
-        cross(stepper, model, run, segment, elapsed, [T::ZERO, T::ONE], observe);
-        run.calm = 0;
+        cross_all(stepper, model, run, segment, position, observe);
     }
     observe(run.state.ground());
+}
+
+/// Takes a run over the finest step at a position, which holds an event.
+fn cross_all<T: Real, S: Stepper<T>>(
+    stepper: &mut S,
+    model: &Model<T>,
+    run: &mut Run<T>,
+    segment: &InputSegment<T>,
+    position: u32,
+    observe: &mut impl FnMut(T),
+) {
+    let elapsed = stepper.unit() * T::from_count(position);
+    cross(stepper, model, run, segment, elapsed, [T::ZERO, T::ONE], observe);
+    run.calm = 0;
 }
 
 /// Takes a run over one sample in one step, the usual case; where that cannot be, the place to go on from.
@@ -540,9 +552,7 @@ fn divide<T: Real, S: Stepper<T>>(
                 level = run.ceiling.min(level - 1);
                 continue;
             }
-            let elapsed = stepper.unit() * T::from_count(position);
-            cross(stepper, model, run, segment, elapsed, [T::ZERO, T::ONE], observe);
-            run.calm = 0;
+            cross_all(stepper, model, run, segment, position, observe);
         }
         observe(run.state.ground());
         position += size::<T, S>(level);

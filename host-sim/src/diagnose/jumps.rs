@@ -8,7 +8,6 @@ use super::Case;
 use super::hypothesis::Hypothesis;
 use super::residual::MEASURED;
 use crate::fit::{self, Prepared};
-use crate::rig::Rig;
 use eha_monitor::model::state::Outputs;
 use std::iter;
 use std::ops::Range;
@@ -55,31 +54,34 @@ impl Jumps {
         (has_any && iter::zip(&samples, records).all(are_rare)).then_some(Self { samples })
     }
 
-    /// What their times cost beside a model: the logarithm of the number of samples for each.
+    /// What their times cost beside a model.
     pub(super) fn price(&self, model: &Hypothesis, scale: f64) -> f64 {
-        let count = f64::from(model.joint.misfit.count) / scale;
-        self.samples.iter().flatten().count() as f64 * count.ln().max(1.0)
+        self.samples.iter().flatten().count() as f64 * model.price_of_parameter(scale)
     }
 
     /// Times the jumps of the records of a case in turn with a model, which is first fitted to what is not the answer to
     /// a jump.
     pub(super) fn timed(&self, case: &Case<'_>, fitted: impl Fn(&Case<'_>) -> Hypothesis) -> Timed {
-        let at = |records: &[Prepared], shares: &[Vec<f64>]| -> Vec<Prepared> {
-            iter::zip(records, shares).map(|(record, shares)| record.with_jumps_ahead(shares)).collect()
+        let with = |shares: &[Vec<f64>]| -> Vec<Prepared> {
+            iter::zip(case.records, shares).map(|(record, shares)| record.with_jumps_ahead(shares)).collect()
         };
-        let with = |shares: &[Vec<f64>]| at(case.records, shares);
         let mut shares: Vec<Vec<f64>> =
             self.samples.iter().map(|jumps| vec![AT_FIRST; jumps.len()]).collect();
-        let mut records = with(&shares);
         let answers = self.samples[..case.fitted].iter().flatten().count() as f64 * ANSWER_S;
         let flown: f64 = case.train().iter().map(|record| record.len() as f64 * record.sample_period).sum();
-        let without: Vec<Prepared> =
-            case.records.iter().map(|record| record.without_jumps(ANSWER_S)).collect();
-        let at_first = if answers < MOST_LEFT_OUT * flown { at(&without, &shares) } else { records.clone() };
-        let mut model = fitted(&Case { records: &at_first, ..*case });
+        let left_out = if answers < MOST_LEFT_OUT * flown { ANSWER_S } else { 0.0 };
+        let rest: Vec<Prepared> = iter::zip(case.records, &shares)
+            .map(|(record, shares)| record.without_jumps(left_out).with_jumps_ahead(shares))
+            .collect();
+        let mut model = fitted(&Case { records: &rest, ..*case });
+        let mut records = with(&shares);
         for _ in 0..MOST_TURNS {
             let before = model.joint.misfit.chi_square;
-            self.turn(&mut shares, &model.joint.applied(&model.rig, &model.ranges), &with);
+            let rig = model.joint.applied(&model.rig, &model.ranges);
+            let moved: Vec<Vec<f64>> =
+                shares.iter().map(|of| of.iter().map(|&share| share + inwards(share)).collect()).collect();
+            let [here, there] = [&records, &with(&moved)].map(|records| fit::predict(&rig, records));
+            self.turn(&mut shares, &records, [&here, &there]);
             records = with(&shares);
             model = model.refitted(&Case { records: &records, ..*case });
             if (before - model.joint.misfit.chi_square).abs() < SETTLED {
@@ -94,12 +96,9 @@ impl Jumps {
         Timed { times: times.collect(), records, model }
     }
 
-    /// Moves each jump to where the answer to it says that it is, as far as a straight line tells.
-    fn turn(&self, shares: &mut [Vec<f64>], rig: &Rig, with: &impl Fn(&[Vec<f64>]) -> Vec<Prepared>) {
-        let moved: Vec<Vec<f64>> =
-            shares.iter().map(|of| of.iter().map(|&share| share + inwards(share)).collect()).collect();
-        let records = with(shares);
-        let [here, there] = [&records, &with(&moved)].map(|records| fit::predict(rig, records));
+    /// Moves each jump to where the answer to it says that it is, as far as a straight line tells: between what is predicted
+    /// with the jumps here, and there, a little inwards.
+    fn turn(&self, shares: &mut [Vec<f64>], records: &[Prepared], [here, there]: [&[Vec<Outputs<f64>>]; 2]) {
         for (index, record) in records.iter().enumerate() {
             let jumps = &self.samples[index];
             let ends = jumps.iter().skip(1).copied().chain([record.len()]);

@@ -90,18 +90,18 @@ fn curve(samples: &[f64]) -> Knots {
         let is_bent = (first + second).abs() > ROUNDING * size(&rise, Some(index));
         (is_between && is_bent && !jumps(index)).then_some(ahead)
     };
-    let is_bent = |index: usize| {
-        let is_broken = [index, index + 1].into_iter().any(|index| jumps(index) || corner(index).is_some());
-        index > 0 && !is_broken && !are_isolated(&bend, index, index)
+    let ahead: Vec<f64> = (0..samples.len()).map(|index| corner(index).unwrap_or(0.0)).collect();
+    let is_broken = |index: usize| jumps(index) || ahead.get(index).is_some_and(|&ahead| ahead > 0.0);
+    let is_smooth = |index: usize| {
+        index > 0 && !is_broken(index) && !is_broken(index + 1) && !are_isolated(&bend, index, index)
     };
     let corrected = |index: usize| match bend(index) {
-        Some(bend) if is_bent(index) => samples[index] - BEND * bend,
+        Some(bend) if is_smooth(index) => samples[index] - BEND * bend,
         _ => samples[index],
     };
     let command: Vec<f64> = (0..samples.len()).map(corrected).collect();
-    let is_broken = |index: usize| jumps(index) || corner(index).is_some();
     if !(1..samples.len()).any(is_broken) {
-        return Knots { command, ..Knots::of_samples(&[]) };
+        return Knots { command, arriving: Vec::new(), ahead: Vec::new() };
     }
     let gone_on = |index: usize| {
         let before = index - 1;
@@ -110,7 +110,6 @@ fn curve(samples: &[f64]) -> Knots {
     };
     let arriving = |index: usize| if is_broken(index) { gone_on(index) } else { command[index] };
     let arriving = (0..samples.len()).map(arriving).collect();
-    let ahead: Vec<f64> = (0..samples.len()).map(|index| corner(index).unwrap_or(0.0)).collect();
     Knots { command, arriving, ahead }
 }
 
