@@ -27,6 +27,7 @@ fn monitor() -> Box<Small> {
         form: Form::default(),
         parameters: Parameters::default(),
         sample_period: 1e-3,
+        holds_command: false,
         noise: SensorNoise { user: 5e-6, current: 0.02 },
         faults: [
             fault(Parameter::Backlash, 1.5e-3, 1e-4, 2e-4),

@@ -125,6 +125,19 @@ impl<T: Real> Actuator<T> {
         });
     }
 
+    /// The command jumps at the sample at which a motion is.
+    pub fn jump<S: Stepper<T>>(
+        &self,
+        stepper: &mut S,
+        motion: &mut Motion<T>,
+        from: &Input<T>,
+        to: &Input<T>,
+        time: T,
+    ) {
+        stepper.enter(&self.model, &motion.run);
+        motion.run.jump(stepper, &self.model, from, to, time);
+    }
+
     /// Takes a motion over samples in which nothing happens (see [`Stepper::glide`]), from a command (m) on, and shows
     /// the number of each and what the channels show; returns how many it were.
     #[inline(always)]

@@ -100,6 +100,7 @@ fn a_rig_with_an_added_effect_is_sent_the_same_way() {
         command: "mixed".to_owned(),
         seconds: 2.3,
         sample_period: 1e-3,
+        holds_command: false,
         noise: [5e-6, 0.02],
         seed: 5,
     };
@@ -113,6 +114,32 @@ fn a_rig_with_an_added_effect_is_sent_the_same_way() {
     let untold = on_board(&bare, machine);
     assert!(untold.is_identical);
     assert!(!verdicts(&untold.reports).contains(&Verdict::Healthy), "{:?}", untold.reports);
+}
+
+#[test]
+fn a_command_that_is_held_is_sent_the_same_way() {
+    let reference = expect(Session::reference());
+    let simulated = Simulated {
+        form: reference.config.form,
+        parameters: Parameters { bkl: 1e-4, fdj: 400.0, ..Parameters::default() },
+        growths: Vec::new(),
+        command: "mixed".to_owned(),
+        seconds: 2.6,
+        sample_period: 1e-3,
+        holds_command: true,
+        noise: [5e-6, 0.02],
+        seed: 5,
+    };
+    let mut session = Session { samples: expect(simulated.samples()), ..reference };
+    session.config.holds_command = true;
+    let held = on_board(&session, Machine::Mps2An500);
+    assert!(held.is_identical);
+    assert_eq!(verdicts(&held.reports), [Verdict::Healthy; 2], "{:?}", held.reports);
+    // The control: joined by straight lines, the same samples are no healthy actuator.
+    session.config.holds_command = false;
+    let joined = on_board(&session, Machine::Mps2An386);
+    assert!(joined.is_identical);
+    assert!(!verdicts(&joined.reports).contains(&Verdict::Healthy), "{:?}", joined.reports);
 }
 
 #[test]

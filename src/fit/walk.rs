@@ -106,7 +106,8 @@ impl<T: Real> Walk<T> {
                 if arriving != command {
                     let from = Input { command: arriving, ..line.at(record.sample_period) };
                     let time = time + record.sample_period;
-                    self.motion.run.meet(&self.actuator.model, &from, &Input { command, ..from }, time);
+                    let to = Input { command, ..from };
+                    self.actuator.jump(stepper, &mut self.motion, &from, &to, time);
                 }
             }
             self.drive = outer;

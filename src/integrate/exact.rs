@@ -89,6 +89,11 @@ impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Stepper<T
         self.corridor.as_ref()
     }
 
+    #[inline(never)]
+    fn answer(&self, corridor: &Corridor<T>) -> Watched<T> {
+        self.cache.answer(corridor)
+    }
+
     #[inline(always)]
     fn glide(
         &self,
@@ -122,7 +127,7 @@ impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Stepper<T
                     Passage::Clear => has_margin = corridor.has_margin(&after, &change),
                     Passage::Close => break,
                     Passage::Left => {
-                        run.is_refused = true;
+                        run.entry = Self::TOP.saturating_sub(1);
                         break;
                     }
                 }

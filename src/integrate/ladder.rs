@@ -12,7 +12,8 @@
 
 use super::Run;
 use crate::model::Model;
-use crate::model::state::{FULL_ORDER, Input, Layout, Mode, RAM, State};
+use crate::model::corridor::{Corridor, WATCHED, Watched};
+use crate::model::state::{FLAPPER, FULL_ORDER, Input, Layout, Mode, RAM, RAM_VELOCITY, SPOOL, State};
 use crate::scalar::Real;
 
 /// Terms of the series for the shortest step.
@@ -212,6 +213,24 @@ impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const 
             self.mode = Some(run.mode_number);
         }
         is_other
+    }
+
+    /// By how much a jump of the command moves what a corridor watches in steps up to the coarsest, for each m of it.
+    pub(super) fn answer(&self, corridor: &Corridor<T>) -> Watched<T> {
+        let mut most = [T::ZERO; WATCHED];
+        for terms in &self.terms {
+            let moved = State {
+                flapper: terms.error[FLAPPER],
+                spool: terms.error[SPOOL],
+                ram: terms.error[RAM],
+                ram_velocity: terms.error[RAM_VELOCITY],
+                ..State::default()
+            };
+            for (most, moved) in most.iter_mut().zip(corridor.watched(&moved, &Input::default())) {
+                *most = most.larger(moved.magnitude());
+            }
+        }
+        most
     }
 
     /// The force from outside at a rate, where there is one.

@@ -45,8 +45,8 @@ pub struct Run<T> {
     has_margin: bool,
     /// Finest steps since the last event.
     calm: u32,
-    /// Has a step over the whole next sample been refused already?
-    is_refused: bool,
+    /// Coarsest level with which the next sample may begin.
+    entry: usize,
     /// Coarsest level of a step that the error of the last ones lets expect to be good.
     ceiling: usize,
     /// Mode changes so far.
@@ -67,7 +67,7 @@ impl<T: Real> Run<T> {
         swing: [T::ZERO; WATCHED],
         stride: 0,
         has_margin: false,
-        is_refused: false,
+        entry: 0,
         calm: 0,
         ceiling: 0,
         events: 0,
@@ -86,7 +86,7 @@ impl<T: Real> Run<T> {
             swing: [T::ZERO; WATCHED],
             stride: 1,
             has_margin: false,
-            is_refused: false,
+            entry: usize::MAX,
             calm: u32::MAX,
             ceiling: usize::MAX,
             events: 0,
@@ -131,10 +131,36 @@ impl<T: Real> Run<T> {
         (self.swing, self.has_margin) = ([T::ZERO; WATCHED], false);
     }
 
-    /// The input jumps at a time between two samples: what that violates changes the mode on the spot.
+    /// The command jumps at a sample: what that violates changes the mode on the spot. The stepper has entered the mode.
+    ///
+    /// A jump that is so small that nothing can come of it, whatever it sets going, is taken in passing, such as each one
+    /// of a smooth command that is held from sample to sample.
+    #[inline(never)]
+    pub fn jump<S: Stepper<T>>(
+        &mut self,
+        stepper: &S,
+        model: &Model<T>,
+        from: &Input<T>,
+        to: &Input<T>,
+        time: T,
+    ) {
+        if let Some(corridor) = stepper.corridor() {
+            let (swing, answer) = (&self.swing, stepper.answer(corridor));
+            // Margins are a quarter of the change: room for twice the answer.
+            let jump = (to.command - from.command).magnitude() * T::literal(8.0);
+            let change = core::array::from_fn(|index| swing[index].magnitude() + answer[index] * jump);
+            if corridor.has_margin(&corridor.watched(&self.state, to), &change) {
+                (self.has_guards, self.has_margin) = (false, true);
+                return;
+            }
+        }
+        self.meet(model, from, to, time);
+    }
+
+    /// The input jumps: what that violates changes the mode on the spot.
     #[cold]
     #[inline(never)]
-    pub fn meet(&mut self, model: &Model<T>, from: &Input<T>, to: &Input<T>, time: T) {
+    fn meet(&mut self, model: &Model<T>, from: &Input<T>, to: &Input<T>, time: T) {
         let at = |run: &Self, input: &Input<T>| Guards::at(model, &run.mode, &run.state, input, time);
         self.guards = at(self, to);
         for _ in 0..EVENTS_PER_STEP {
@@ -146,8 +172,8 @@ impl<T: Real> Run<T> {
         self.mode_number = self.mode.number();
         self.forget_motion();
         (self.stride, self.has_guards) = (1, true);
-        // What a jump sets going, no step before tells of: finest steps to the end of the sample.
-        (self.calm, self.ceiling, self.is_refused) = (0, 0, true);
+        // What a jump sets going, no step before tells of.
+        (self.calm, self.entry) = (0, 0);
     }
 
     /// A run that starts at rest at a ram position.
@@ -202,6 +228,12 @@ pub trait Stepper<T: Real> {
     #[inline(always)]
     fn corridor(&self) -> Option<&Corridor<T>> {
         None
+    }
+
+    /// By how much what a corridor watches may move in a coarsest step after a jump of the command, for each m of it.
+    #[inline(always)]
+    fn answer(&self, _corridor: &Corridor<T>) -> Watched<T> {
+        [T::ONE / T::ZERO; WATCHED]
     }
 
     /// Takes a run over whole samples as long as each is one step that keeps to the corridor of the mode that was
@@ -340,11 +372,11 @@ fn start<T: Real, S: Stepper<T>>(
     if level < S::TOP || stepper.units() != size::<T, S>(S::TOP) {
         return Some(Place { position: 0, level });
     }
-    let is_refused = core::mem::replace(&mut run.is_refused, false);
-    if !is_refused && attempt(stepper, model, run, segment, 0, S::TOP) {
+    let entry = core::mem::replace(&mut run.entry, usize::MAX);
+    if entry >= S::TOP && attempt(stepper, model, run, segment, 0, S::TOP) {
         return None;
     }
-    Some(Place { position: 0, level: S::TOP.saturating_sub(1).min(run.ceiling) })
+    Some(Place { position: 0, level: S::TOP.saturating_sub(1).min(entry).min(run.ceiling) })
 }
 
 /// The rate of the command may have jumped with the sample, and ended a mode on the spot.

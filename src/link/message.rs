@@ -10,7 +10,7 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Version of the messages.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 /// Faults of a monitor behind a line.
 pub const FAULTS: usize = 2;
 /// Samples in a message. Two messages that are lost in a row are still bridged by the monitor.
@@ -42,6 +42,8 @@ pub struct Setup {
     pub changes: Vec<(u8, f32), CHANGES>,
     /// Sample period, s.
     pub sample_period: f32,
+    /// Is the command held (1) or joined by straight lines (0)? See [`Config::holds_command`].
+    pub holds_command: u8,
     /// Noise of user position, m, and current, mA.
     pub noise: [f32; 2],
     /// The faults.
@@ -83,6 +85,7 @@ impl Setup {
             ],
             changes,
             sample_period: config.sample_period,
+            holds_command: u8::from(config.holds_command),
             noise: [config.noise.user, config.noise.current],
             faults: config.faults.map(|Fault { free, healthy, alarm }| FaultSetup {
                 parameter: free.parameter as u8,
@@ -124,6 +127,7 @@ impl Setup {
             form,
             parameters,
             sample_period: self.sample_period,
+            holds_command: *[false, true].get(usize::from(self.holds_command))?,
             noise: SensorNoise { user: self.noise[0], current: self.noise[1] },
             faults: [fault(first)?, fault(second)?],
             false_alarm_rate: self.false_alarm_rate,

@@ -71,6 +71,7 @@ impl<T: Real> Corridor<T> {
     }
 
     /// Has a place the margins that a step after a change asks for?
+    #[inline(never)]
     pub fn has_margin(&self, place: &Watched<T>, change: &Watched<T>) -> bool {
         self.holds(place, &change.map(|value| value.magnitude() * T::literal(0.25)))
     }

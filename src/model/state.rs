@@ -43,8 +43,10 @@ pub struct State<T> {
 
 /// Number of states of the base model.
 pub const BASE_ORDER: usize = 5;
+/// Place of the flapper position in the vector.
+pub const FLAPPER: usize = 0;
 /// Place of the spool position in the vector.
-const SPOOL: usize = 2;
+pub const SPOOL: usize = 2;
 /// Place of the ram position in the vector.
 pub const RAM: usize = 3;
 /// Place of the ram velocity in the vector.

@@ -31,6 +31,9 @@ pub struct Config<const FAULTS: usize> {
     pub parameters: Parameters<f32>,
     /// Sample period, s.
     pub sample_period: f32,
+    /// Does the command keep the value of a sample until the next one, as a converter does? Otherwise it goes from sample
+    /// to sample in straight lines.
+    pub holds_command: bool,
     /// Noise of the sensors; a current whose noise is not finite is not used.
     pub noise: SensorNoise<f32>,
     /// The faults.

@@ -198,33 +198,45 @@ pub(super) struct Scene<'a, const GENES: usize, const SAMPLES: usize> {
 impl<const GENES: usize, const SAMPLES: usize> Scene<'_, GENES, SAMPLES> {
     /// The input where the motion starts.
     fn first_input(&self) -> Input<f32> {
-        let first = self.window.get(0).command(self.scale);
+        let first = self.command(0);
         Input { command: self.start.command.unwrap_or(first), command_rate: 0.0, force: 0.0 }
     }
 
     /// The command one sample before, m; none where the motion starts with the window.
     fn command_before(&self, sample: usize) -> Option<f32> {
         match sample.checked_sub(1) {
-            Some(before) => Some(self.window.get(before).command(self.scale)),
+            Some(before) => Some(self.command(before)),
             None => self.start.command,
         }
     }
 
-    /// The line of the command that leads to a sample; none where the motion starts there.
+    /// The command at a sample, m.
+    #[inline(always)]
+    fn command(&self, sample: usize) -> f32 {
+        self.window.get(sample).command(self.scale)
+    }
+
+    /// The command as it leads to a sample, before it may jump there; none where the motion starts there.
     fn segment(&self, sample: usize) -> Option<InputSegment<f32>> {
-        let here = self.window.get(sample).command(self.scale);
         self.command_before(sample).map(|before| {
-            InputSegment::between([before, here], [0.0; 2], 0.0, 1.0 / self.config.sample_period)
+            let arriving = if self.config.holds_command { before } else { self.command(sample) };
+            InputSegment::between([before, arriving], [0.0; 2], 0.0, 1.0 / self.config.sample_period)
         })
     }
 
     /// The input at a sample.
     fn input(&self, sample: usize) -> Input<f32> {
-        let command = self.window.get(sample).command(self.scale);
+        let command = self.command(sample);
         self.segment(sample).map_or(Input { command, command_rate: 0.0, force: 0.0 }, |segment| Input {
             command,
             ..segment.start
         })
+    }
+
+    /// Samples from one on, at most a number of them, at which the command does not jump from where it was.
+    fn unbroken(&self, sample: usize, before: f32, most: u32) -> u32 {
+        let jumps = |&done: &u32| self.command(sample + done as usize) != before;
+        if self.config.holds_command { (0..most).find(jumps).unwrap_or(most) } else { most }
     }
 }
 
@@ -285,10 +297,17 @@ impl<const GENES: usize> Pass<GENES> {
             while self.done < end {
                 self.enter(stepper);
                 self.glide(scene, stepper, end, allowance);
-                if self.done < end && !self.walk(scene, stepper, allowance) {
-                    return false;
+                if self.done < end {
+                    if !self.walk(scene, stepper, allowance) {
+                        return false;
+                    }
+                    if scene.config.holds_command {
+                        self.enter(stepper);
+                        self.jump(scene, stepper);
+                    }
+                    self.look(scene);
+                    self.done += 1;
                 }
-                self.done = end.min(self.done + 1);
             }
             self.done = 0;
             let next = (self.turn..GENES)
@@ -335,25 +354,50 @@ impl<const GENES: usize> Pass<GENES> {
         stepper: &mut S,
         allowance: &mut u32,
     ) -> bool {
-        let sample = self.chunk + self.done;
-        let (Some(run), Some(model)) = (turned(&mut self.base, &mut self.moved, self.turn), self.model.get())
-        else {
+        let (Some(run), Some(model), Some(segment)) = (
+            turned(&mut self.base, &mut self.moved, self.turn),
+            self.model.get(),
+            scene.segment(self.chunk + self.done),
+        ) else {
             return true;
         };
         let (turn, sight) = (self.turn, &mut self.sight);
-        if let Some(segment) = scene.segment(sample) {
-            let before = run.steps;
-            let follow = |ram| sight.follow(turn, ram);
-            let done = advance_some(stepper, model, run, &segment, &mut self.place, *allowance, follow);
-            *allowance = allowance.saturating_sub(run.steps.wrapping_sub(before));
-            if !done {
-                return false;
+        let before = run.steps;
+        let follow = |ram| sight.follow(turn, ram);
+        let done = advance_some(stepper, model, run, &segment, &mut self.place, *allowance, follow);
+        *allowance = allowance.saturating_sub(run.steps.wrapping_sub(before));
+        done
+    }
+
+    /// Takes the motion whose turn it is over the jump of a command that is held, at the sample to which it has come.
+    #[inline(never)]
+    fn jump<S: Stepper<f32>, const SAMPLES: usize>(
+        &mut self,
+        scene: &Scene<'_, GENES, SAMPLES>,
+        stepper: &S,
+    ) {
+        let sample = self.chunk + self.done;
+        let run = turned(&mut self.base, &mut self.moved, self.turn);
+        if let (Some(run), Some(model), Some(before)) = (run, self.model.get(), scene.command_before(sample))
+        {
+            let to = scene.input(sample);
+            if to.command != before {
+                run.jump(stepper, model, &Input { command: before, ..to }, &to, 0.0);
             }
         }
-        let demand = model.demand(&run.mode, &run.state, &scene.input(sample));
-        let current = model.controller.current(run.mode.current, demand, 1.0);
-        sight.look(turn, self.done, run.state.ground(), current, sample >= scene.settle);
-        true
+    }
+
+    /// Shows the sample to which the motion whose turn it is has come.
+    #[inline(never)]
+    fn look<const SAMPLES: usize>(&mut self, scene: &Scene<'_, GENES, SAMPLES>) {
+        let sample = self.chunk + self.done;
+        if let (Some(run), Some(model)) =
+            (turned(&mut self.base, &mut self.moved, self.turn), self.model.get())
+        {
+            let demand = model.demand(&run.mode, &run.state, &scene.input(sample));
+            let current = model.controller.current(run.mode.current, demand, 1.0);
+            self.sight.look(self.turn, self.done, run.state.ground(), current, sample >= scene.settle);
+        }
     }
 
     /// Takes the motion whose turn it is over the next samples of the chunk as long as nothing happens in them.
@@ -372,11 +416,11 @@ impl<const GENES: usize> Pass<GENES> {
         };
         let (Some(before), None) = (scene.command_before(first), self.place) else { return };
         let most = (end.saturating_sub(self.done) as u32).min(allowance.saturating_sub(LONGEST_PIECE - 1));
+        let most = scene.unbroken(first, before, most);
         let (turn, mode, sight) = (self.turn, run.mode, &mut self.sight);
         let (mut place, mut sample) = (self.done, first);
         stepper.enter(model, run);
-        let command =
-            |done: u32| (done < most).then(|| scene.window.get(first + done as usize).command(scene.scale));
+        let command = |done: u32| (done < most).then(|| scene.command(first + done as usize));
         let done = stepper.glide(run, before, command, |state, input| {
             let current = model.controller.current(mode.current, model.demand(&mode, state, input), 1.0);
             sight.follow(turn, state.ground());

@@ -110,12 +110,14 @@ fn digest<const FAULTS: usize>(config: &Config<FAULTS>, shape: [usize; 2]) -> u3
     let checksum = CHECKSUM;
     let mut digest = Digest(checksum.digest());
     let mut config = *config;
-    let Config { form, parameters, sample_period, noise, faults, false_alarm_rate, seed } = &mut config;
+    let Config { form, parameters, sample_period, holds_command, noise, faults, false_alarm_rate, seed } =
+        &mut config;
     for mut word in
         [shape[0] as u32, shape[1] as u32, form.valve as u32, form.feedback as u32, form.drive as u32]
     {
         digest.word(&mut word);
     }
+    digest.flag(holds_command);
     for parameter in crate::parameter::Parameter::all() {
         digest.float(&mut parameters.get(parameter));
     }

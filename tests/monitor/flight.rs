@@ -40,6 +40,7 @@ pub(crate) fn config() -> Config<2> {
         form: Form::default(),
         parameters: Parameters::default(),
         sample_period: PERIOD,
+        holds_command: false,
         noise: NOISE,
         faults: [fault(Parameter::Backlash, 0.0, 1.5e-3, 0), fault(Parameter::DryFriction, 200.0, 4000.0, 1)],
         false_alarm_rate: Config::<2>::FALSE_ALARM_RATE,

@@ -2,9 +2,11 @@
 
 use crate::flight::{ALARMED, Flight, Flown, HEALTHY, WINDOW, config, feed, monitor};
 use eha_monitor::command::{Command, CommandInfo};
-use eha_monitor::monitor::config::ConfigError;
+use eha_monitor::monitor::config::{Config, ConfigError};
 use eha_monitor::monitor::report::{Report, Verdict};
+use eha_monitor::monitor::sample::Sample;
 use eha_monitor::parameter::{Parameter, Parameters};
+use reference_plant::{Command as Flyable, DEFAULT_STEP, Plant, add_noise};
 
 fn reports(command: impl Fn(u32) -> f32, faults: impl Fn(u32) -> [f32; 2], windows: u32) -> Vec<Report<2>> {
     let mut flight = Flight::new(command, 3);
@@ -65,7 +67,7 @@ fn what_the_model_lacks_is_no_fault() {
     // The monitor is told of a torque motor that has lost 30 % of its gain; this one has not.
     let mut monitor = monitor();
     let parameters = Parameters { torque_motor_gain: 0.007, ..Parameters::default() };
-    monitor.configure(&eha_monitor::monitor::config::Config { parameters, ..config() }).unwrap();
+    monitor.configure(&Config { parameters, ..config() }).unwrap();
     let flown = Flown::new(13);
     let mut flight = Flight::new(|sample| flown.at(sample), 13);
     let reports: Vec<_> =
@@ -100,6 +102,43 @@ fn every_command_of_the_table_can_be_flown() {
                 assert!((fault.value - truth).abs() < 5.0 * fault.standard_error, "{}: {report:?}", row.name);
             }
         }
+    }
+}
+
+/// What a monitor says of an actuator of the independent plant that flies a command, faults of 0.2 mm and 800 N.
+fn reports_of_plant(command: &Flyable, holds_command: bool) -> Vec<Report<2>> {
+    let mut plant = Plant::default();
+    (plant.parameters.backlash, plant.parameters.jack_friction) = (2e-4, 800.0);
+    let mut record = plant.simulate(command, 3 * WINDOW + 300, DEFAULT_STEP);
+    add_noise(&mut record.lvdt, f64::from(config().noise.user), 5);
+    add_noise(&mut record.current, f64::from(config().noise.current), 6);
+    let mut monitor = monitor();
+    monitor.configure(&Config { holds_command, ..config() }).unwrap();
+    let channels = record.command.iter().zip(&record.lvdt).zip(&record.current).enumerate();
+    channels
+        .filter_map(|(tick, ((&command, &user), &current))| {
+            let [command, user, current] = [command, user, current].map(|value| value as f32);
+            feed(&mut monitor, &Sample { tick: tick as u32, command, user, current })
+        })
+        .collect()
+}
+
+#[test]
+fn a_command_that_is_held_is_followed_where_the_monitor_is_told() {
+    // At the rate of the samples, with jumps of millimetres, and over a bus that brings a command every 20 ms.
+    let fast = |command: Flyable| command.held(4 * WINDOW, 1e-3);
+    for command in [fast(Flyable::Mixed), fast(Flyable::MixedStep), Flyable::Mixed.held(200, 0.02)] {
+        // Jumps of a millimetre cost so many steps that a search takes longer than its window: another one is skipped.
+        let told = reports_of_plant(&command, true);
+        let is_fault = |&verdict: &Verdict| verdict == Verdict::Fault;
+        assert!(told.len() > 1 && verdicts(&told).iter().all(is_fault), "{told:?}");
+        for (fault, truth) in told.iter().flat_map(|report| report.faults.iter().zip([2e-4, 800.0])) {
+            assert!((fault.value - truth).abs() < 4.5 * fault.standard_error, "{told:?}");
+        }
+        // What lines would make of it.
+        let lines = verdicts(&reports_of_plant(&command, false));
+        assert_eq!(lines.first(), Some(&Verdict::ModelInadequate));
+        assert!(!lines.iter().any(is_fault), "{lines:?}");
     }
 }
 

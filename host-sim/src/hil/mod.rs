@@ -130,6 +130,7 @@ impl Session {
             command: "mixed".to_owned(),
             seconds: 4.2,
             sample_period: 1e-3,
+            holds_command: false,
             noise: [noise.user.into(), noise.current.into()],
             seed: 1,
         };
@@ -137,6 +138,7 @@ impl Session {
             form: rig.form,
             parameters: rig.parameters.to_f32(),
             sample_period: 1e-3,
+            holds_command: false,
             noise,
             faults,
             false_alarm_rate: Config::<FAULTS>::FALSE_ALARM_RATE,

@@ -46,6 +46,9 @@ pub struct Simulated {
     pub seconds: f64,
     /// Sample period, s.
     pub sample_period: f64,
+    /// Does the command keep the value of a sample until the next one? Otherwise it goes from sample to sample in straight
+    /// lines.
+    pub holds_command: bool,
     /// Noise of user position, m, and current, mA.
     pub noise: [f64; 2],
     /// Seed of the noise.
@@ -89,10 +92,16 @@ impl Simulated {
             let actuator = actuator(time);
             let mut input = Input { command: command.at(time), ..rest };
             if sample > 0 {
-                let ends = [command.at(time - period), command.at(time)];
-                let segment = InputSegment::between(ends, [0.0; 2], time - period, 1.0 / period);
+                let [before, here] = [command.at(time - period), input.command];
+                let arriving = if self.holds_command { before } else { here };
+                let segment =
+                    InputSegment::between([before, arriving], [0.0; 2], time - period, 1.0 / period);
                 actuator.advance(&mut stepper, &mut motion, &segment);
-                input.command_rate = segment.start.command_rate;
+                let from = Input { command: arriving, ..segment.start };
+                input = Input { command: here, ..from };
+                if arriving != here {
+                    actuator.jump(&mut stepper, &mut motion, &from, &input, time);
+                }
             }
             let outputs = actuator.measure(&mut motion, &input);
             let [user, current] = [outputs.user, outputs.current];

@@ -80,11 +80,8 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let rig = rig(common, DEFAULT_RIG)?;
     let session = session(common, options, &rig)?;
     session.check()?;
-    if rig.command_path != CommandPath::Lines {
-        output::log(
-            common,
-            "the monitor joins the samples of a command by straight lines, whatever the rig says",
-        );
+    if rig.command_path == CommandPath::Curve {
+        output::log(common, "the monitor joins the samples of a command by straight lines, not by a curve");
     }
     let (line, name) = if let Some(port) = &options.port {
         (Line::to_port(port, options.baud, &session)?, port.display().to_string())
@@ -144,6 +141,7 @@ fn session(common: &Common, options: &Options, rig: &Rig) -> Result<Session, Fai
         form: rig.form,
         parameters: rig.parameters.to_f32(),
         sample_period: sample_period as f32,
+        holds_command: rig.command_path == CommandPath::Held,
         noise: SensorNoise { user: user as f32, current: current as f32 },
         faults: watched(options, rig)?,
         false_alarm_rate: Config::<FAULTS>::FALSE_ALARM_RATE,
@@ -185,6 +183,7 @@ fn simulated(common: &Common, options: &Options, rig: &Rig, noise: [f64; 2]) -> 
         command: options.command.clone(),
         seconds: options.seconds,
         sample_period: 1e-3,
+        holds_command: rig.command_path == CommandPath::Held,
         noise,
         seed: common.seed,
     })
