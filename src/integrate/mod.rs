@@ -369,10 +369,10 @@ fn start<T: Real, S: Stepper<T>>(
     } else {
         S::TOP
     };
-    if level < S::TOP || stepper.units() != size::<T, S>(S::TOP) {
-        return Some(Place { position: 0, level });
-    }
     let entry = core::mem::replace(&mut run.entry, usize::MAX);
+    if level < S::TOP || stepper.units() != size::<T, S>(S::TOP) {
+        return Some(Place { position: 0, level: level.min(entry) });
+    }
     if entry >= S::TOP && attempt(stepper, model, run, segment, 0, S::TOP) {
         return None;
     }
