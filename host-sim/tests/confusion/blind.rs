@@ -1,7 +1,7 @@
 //! Cases that nobody chose: drawn at random, and judged by the figures that matter to a user.
 
 use crate::cases::{
-    CHANNEL_SETS, Case, ChannelSet, Diagnosed, OUTSIDE, OUTSIDE_DRAWN, Outcome, Presence, Program,
+    CHANNEL_SETS, Case, ChannelSet, Diagnosed, OUTSIDE, OUTSIDE_DRAWN, Outcome, PERIOD, Presence, Program,
 };
 use crate::common::Rig as Truth;
 use crate::floor::{self, Shape};
@@ -18,13 +18,15 @@ use std::ops::Range as Between;
 use std::path::Path;
 
 /// Cases of the document: numbers that nobody had looked at when it was made. Development looks at smaller ones.
-const FIRST: u64 = 9000;
+const FIRST: u64 = 10_000;
 const COUNT: u64 = 120;
 /// Sizes of the effects, in their floors.
 const FAINTEST: f64 = 2.0;
 const STRONGEST: f64 = 10.0;
 /// Least floor of an effect that is drawn, in its sizes: the steps of the plant do not follow a mount that is stiffer still.
 const LEAST_FLOOR: f64 = 1e-4;
+/// Coarsest steps of the positions, m: 12 bits over 80 mm.
+const COARSEST: f64 = 20e-6;
 /// Sets of channels: each case has one.
 static SETS: [&ChannelSet; 2] = [&CHANNEL_SETS[0], &CHANNEL_SETS[2]];
 /// What the cases are, in turn.
@@ -161,7 +163,8 @@ impl Case {
         let noise =
             [position, position, log_uniform(&mut random, 0.01..0.05), log_uniform(&mut random, 2e4..1e5)];
         let is_quantised = random.uniform() < 0.5;
-        let quantum = if is_quantised { position * log_uniform(&mut random, 0.5..3.0) } else { 0.0 };
+        let quantum = (position * log_uniform(&mut random, 0.5..10.0)).min(COARSEST);
+        let quantum = if is_quantised { quantum } else { 0.0 };
         let samples = (1000.0 * log_uniform(&mut random, 1.0..5.0)) as usize;
         let chirp = Command::Chirp { amplitude: log_uniform(&mut random, 3e-3..1e-2) };
         let [mixed, other] = if random.uniform() < 0.5 {
@@ -217,6 +220,7 @@ impl Case {
             path: *one_of(&mut random, &[CommandPath::Lines, CommandPath::Curve]),
             rule: *one_of(&mut random, &[Rule::Midpoint, Rule::SemiImplicitEuler]),
             is_exact: set.channels.len() > 1 && *one_of(&mut random, &[false, true]),
+            later: if random.uniform() < 0.5 { PERIOD * random.uniform() } else { 0.0 },
         };
         case
     }
@@ -232,9 +236,10 @@ impl Case {
         });
         let all: Vec<String> = effects.chain(outside).collect();
         let what = if all.is_empty() { "nothing".to_owned() } else { all.join(" and ") };
-        let Program { path, rule, is_exact } = self.program;
+        let Program { path, later, rule, is_exact } = self.program;
         let words = [
             (path == CommandPath::Curve, ", curve"),
+            (later > 0.0, ", between"),
             (rule == Rule::SemiImplicitEuler, ", Euler"),
             (is_exact, ", exact"),
         ];
@@ -406,9 +411,10 @@ pub(crate) fn document() -> String {
          Made by `cargo xtask blind`; do not edit. {COUNT} actuators of the independent plant (`tests/plant`), everything drawn \
          at random: faults (0.05 to 1 mm, 200 to 3000 N), effects of the catalogue at {FAINTEST} to {STRONGEST} times their floor \
          (see [confusion.md](confusion.md)) with either sign, or something outside it, half to twice as strong and as fast; \
-         1 to 10 um of noise, half of the records in steps of half to three times that; a chirp of 3 to 10 mm and a mixed \
+         1 to 10 um of noise, half of the records in steps of half to ten times that (at most 20 um); a chirp of 3 to 10 mm and a mixed \
          command of 1 to 5 s are fitted, 1 to 2 s of another command are held out; half of the actuators fly the commands in straight \
-         lines between the samples of their records, half as the continuous functions (*curve*) that they are; half step as the \
+         lines between the samples of their records, half as the continuous functions (*curve*) that they are; half start their commands a part of a sample after the first one, so that \
+         jumps and corners come *between* samples; half step as the \
          source does (*Euler*, 2 us), half at second order; half of those with all channels have noise in the user position \
          alone (*exact*). None of them was looked at before: development uses numbers below {FIRST}. `cargo xtask blind {FIRST}` makes case {FIRST} anew.\n\n\
          An effect counts where who knows the truth can see it: without it, the other true effects kept, the records fit worse by more than its price.\n\n"

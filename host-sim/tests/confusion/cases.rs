@@ -12,7 +12,7 @@ use host_sim::rig::{CommandPath, Rig};
 use reference_plant::{Command, DEFAULT_STEP, Gauss, Gust, Plant, Rule, Tone, add_noise, quantise};
 
 /// Sample period, s.
-const PERIOD: f64 = 1e-3;
+pub(crate) const PERIOD: f64 = 1e-3;
 /// Share of the noise by which a held-out record may be missed for what is outside the catalogue to count as modelled.
 const MODELLED: f64 = 1.5;
 
@@ -123,6 +123,8 @@ pub(crate) struct Case {
 pub(crate) struct Program {
     /// What the commands do between the samples of their records.
     pub(crate) path: CommandPath,
+    /// How much later than the first sample the command starts, s.
+    pub(crate) later: f64,
     pub(crate) rule: Rule,
     /// Is there noise in the user position only, and none in the other channels?
     pub(crate) is_exact: bool,
@@ -276,6 +278,7 @@ impl Case {
 
     fn record(&self, plant: &Plant, index: usize) -> Record {
         let (command, samples) = self.train.get(index).unwrap_or(&self.held);
+        let command = &command.clone().later(self.program.later);
         let mut data = match self.program.path {
             CommandPath::Lines => plant.record(&command.sampled(*samples, PERIOD), *samples),
             CommandPath::Curve => plant.simulate(command, *samples, DEFAULT_STEP),
@@ -307,7 +310,12 @@ impl Case {
         let case = diagnose::Case::new(&rig, &records, self.train.len());
         let diagnosis = diagnose::diagnose(&case, &FitSettings::default(), &|_, _| {});
         let flown = Rig { command_path: self.program.path, ..rig };
-        let records = records.iter().map(|record| record.along(&flown)).collect();
+        let ahead = if self.program.later > 0.0 { 1.0 - self.program.later / PERIOD } else { 0.0 };
+        let told = |record: &Prepared| {
+            let record = record.along(&flown);
+            record.with_jumps_ahead(&vec![ahead; record.jumps().len()])
+        };
+        let records = records.iter().map(told).collect();
         Diagnosed { diagnosis, truth, records }
     }
 
