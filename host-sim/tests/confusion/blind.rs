@@ -416,7 +416,7 @@ pub(crate) fn document() -> String {
          lines between the samples of their records, half as the continuous functions (*curve*) that they are; half start their commands a part of a sample after the first one, so that \
          jumps and corners come *between* samples; half step as the \
          source does (*Euler*, 2 us), half at second order; half of those with all channels have noise in the user position \
-         alone (*exact*). None of them was looked at before: development uses numbers below {FIRST}. `cargo xtask blind {FIRST}` makes case {FIRST} anew.\n\n\
+         alone (*exact*). Nothing was changed for any of them (28 had been run once): development uses numbers below {FIRST}. `cargo xtask blind {FIRST}` makes case {FIRST} anew.\n\n\
          An effect counts where who knows the truth can see it: without it, the other true effects kept, the records fit worse by more than its price.\n\n"
     );
     let _ = writeln!(text, "| figure | wanted | {} | {} |\n|---|---|---|---|", SETS[0].name, SETS[1].name);
