@@ -295,7 +295,7 @@ fn true_model(effects: &[&Presence], truth: &Truth) -> (Rig, Vec<Range>, Vec<f64
 }
 
 /// What a diagnosis found, in words.
-fn found(diagnosis: &Diagnosis) -> String {
+pub(crate) fn found(diagnosis: &Diagnosis) -> String {
     let of_one = |found: &diagnose::Found| {
         let class: Vec<&str> = found.class.iter().map(|effect| effect.name).collect();
         format!("{}{}", if found.named { "" } else { "term " }, class.join(" or "))
