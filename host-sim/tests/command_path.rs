@@ -35,7 +35,7 @@ fn distance_of(mut rig: Rig, plant: &Plant, command: &Command, ahead: f64) -> f6
     rig.parameters.fdj = plant.parameters.jack_friction;
     let noise = 1e-6;
     let record = fit::prepare_with(&rig, &record, [noise; Channel::MEASURED.len()]);
-    let records = [record.with_jumps_ahead(&vec![ahead; record.jumps().len()])];
+    let records = [record.with_jumps_ahead(record.jumps().into_iter().map(|jump| (jump, ahead)))];
     let predicted = fit::predict(&rig, &records).concat();
     let squares: f64 =
         predicted.iter().zip(&flown.lvdt).map(|(ours, theirs)| (ours.user - theirs).powi(2)).sum();

@@ -328,6 +328,54 @@ fn a_command_that_jumps_between_two_samples_is_no_effect() {
     assert_eq!(at_samples["command_jumps_s"], Value::Null);
 }
 
+/// Steps of a fitted record come 20 us after the last sample before them. What is fitted of that record says at first when
+/// they came, and is wrong about the friction as long as it is wrong about that.
+#[test]
+fn steps_of_a_fitted_record_that_come_between_samples_are_timed_with_the_faults() {
+    let later = 2e-5;
+    let commands = [Command::CHIRP_LOW, Command::MixedStep.later(later), Command::CHIRP];
+    for noise in [1e-6, 1e-5] {
+        let result = diagnose_positions(&faulty(), &commands, noise, 1);
+        assert_eq!(result["verdict"], "adequate", "{result:#}");
+        for (index, truth) in [BKL, FDJ].into_iter().enumerate() {
+            let [low, high] = [0, 1].map(|end| result["faults"][index]["ci95"][end].as_f64().unwrap());
+            assert!((low..=high).contains(&truth), "{low} to {high} does not hold {truth}");
+        }
+        let jumps: Vec<Vec<f64>> = serde_json::from_value(result["command_jumps_s"].clone()).unwrap();
+        for (found, step) in jumps[1].iter().zip(STEPS) {
+            assert!((found - step - later).abs() < 5e-5, "{found} s is not {step} s and {later} s later");
+        }
+    }
+}
+
+/// A command that goes from sample to sample in a straight line looks like one that jumps in the middle: where the sensor
+/// is too coarse to tell, the interval holds what the friction would be then, in place of 1.96 standard errors.
+#[test]
+fn intervals_hold_the_faults_of_steps_that_may_be_between_samples() {
+    let width = |noise: f64| {
+        let directory = tempfile::tempdir().unwrap();
+        let record = |name: &str, command: &Command, seed| {
+            let Record { command, mut lvdt, .. } = faulty().record(command, SAMPLES);
+            add_noise(&mut lvdt, noise, seed);
+            let path = directory.path().join(name);
+            std::fs::write(&path, csv(&[("command_m", &command), ("lvdt_m", &lvdt)])).unwrap();
+            path
+        };
+        let result = host_sim("diagnose", |command| {
+            let first = record("chirp.csv", &Command::CHIRP_LOW, 1);
+            command.arg(first).arg(record("steps.csv", &Command::MixedStep, 2))
+        });
+        assert_eq!(result["verdict"], "adequate", "{result:#}");
+        let friction = &result["faults"][1];
+        let [low, high] = [0, 1].map(|end| friction["ci95"][end].as_f64().unwrap());
+        assert!((low..=high).contains(&FDJ), "{friction}");
+        (high - low) / friction["standard_error"].as_f64().unwrap()
+    };
+    let (coarse, fine) = (width(2e-5), width(1e-6));
+    assert!(coarse > 1.05 * 3.92, "{coarse}");
+    assert!((fine / 3.92 - 1.0).abs() < 1e-6, "{fine}");
+}
+
 /// What a logger does to a record.
 type Flaw<'a> = &'a dyn Fn(&mut Record);
 

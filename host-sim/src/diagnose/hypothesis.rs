@@ -13,6 +13,7 @@ use eha_monitor::fit::identify::within_noise;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
 use rayon::prelude::*;
+use std::iter;
 use std::sync::OnceLock;
 
 /// Fall of chi-square that the linear model must foresee for an effect to be fitted: far below what is accepted.
@@ -107,9 +108,14 @@ impl Hypothesis {
 
     /// This model fitted to the records of another case, of which its own are a part or which are a part of its own.
     pub(super) fn refitted(&self, case: &Case<'_>) -> Self {
-        let here = Place { ranges: self.ranges.clone(), values: self.train.values.clone() };
+        self.refitted_from(self.train.values.clone(), case)
+    }
+
+    /// The same from other values than its own.
+    pub(super) fn refitted_from(&self, values: Vec<f64>, case: &Case<'_>) -> Self {
+        let here = Place { ranges: self.ranges.clone(), values };
         let shown = |effect: &&EffectInfo| place::shown_by(effect, &self.rig, &self.ranges, case.train());
-        let starts: Vec<_> = std::iter::once(here).chain(self.added.iter().flat_map(shown)).collect();
+        let starts: Vec<_> = iter::once(here).chain(self.added.iter().flat_map(shown)).collect();
         let (ranges, train) = starts
             .into_par_iter()
             .filter_map(|start| candidate::fitted(&self.rig, start.ranges, &start.values, case.train()))
@@ -165,8 +171,11 @@ impl Hypothesis {
             || fit::standard_errors(&self.rig, &self.ranges, &self.train, case.train()),
             inflated,
         );
-        let values = self.ranges.iter().zip(&self.train.values).zip(errors);
-        values.map(|((range, &value), error)| Estimate::new(range, value, error)).collect()
+        let cost =
+            case.jumps.and_then(|jumps| jumps.cost(&self.rig, &self.ranges, &self.train, case.train()));
+        let widening = cost.map_or_else(|| vec![1.0; errors.len()], |cost| cost.widening);
+        let values = self.ranges.iter().zip(&self.train.values).zip(iter::zip(errors, widening));
+        values.map(|((range, &value), (error, wider))| Estimate::new(range, value, wider * error)).collect()
     }
 
     /// The effect that was added last.

@@ -172,6 +172,8 @@ pub struct Case<'a> {
     /// What a prediction of each channel may be off without anything being missing: the model's own error, and what the
     /// commands have lost to the step in which they were recorded.
     pub model_error: [f64; MEASURED],
+    /// The jumps of their commands, where the times of these were fitted.
+    jumps: Option<&'a Jumps>,
 }
 
 impl<'a> Case<'a> {
@@ -189,6 +191,7 @@ impl<'a> Case<'a> {
             fitted,
             known_noise: Channel::MEASURED.map(|channel| rig.noise_of(channel)),
             model_error: std::array::from_fn(error),
+            jumps: None,
         }
     }
 
@@ -221,25 +224,29 @@ impl<'a> Case<'a> {
 
 /// Diagnoses a case. `watch` is told what is being done, and how much of it (0 to 1).
 ///
-/// Commands are taken to jump at samples, and noise for white, first. Where effects are found or something is left, jumps
-/// between two samples may be why; where something is left, noise that is coloured, as its spectrum where no actuator
-/// follows tells. What explains more is the answer.
+/// Commands are taken to jump at samples, and noise for white, first. Jumps between two samples may be the truth; where
+/// something is left, noise that is coloured, as its spectrum where no actuator follows tells. What explains more is the
+/// answer.
 pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
     let at_first = |what: &str, share: f64| watch(what, 0.9 * share);
-    let (diagnosis, best) = diagnose_in_noise(case, settings, &at_first);
-    if diagnosis.verdict == Verdict::Adequate || interrupt::requested() {
+    let (mut diagnosis, best) = diagnose_in_noise(case, settings, &at_first);
+    if interrupt::requested() {
         return diagnosis;
     }
-    let with_jumps = diagnose_with_jumps(case, &best, settings, watch);
-    match with_jumps {
-        Some(diagnosis) if diagnosis.verdict != Verdict::Unexplained => return diagnosis,
-        _ if diagnosis.verdict != Verdict::Unexplained || interrupt::requested() => return diagnosis,
+    let is_unexplained = diagnosis.verdict == Verdict::Unexplained;
+    match diagnose_with_jumps(case, &best, settings, watch) {
+        Between::Found(other) if is_unexplained || other.verdict != Verdict::Unexplained => {
+            diagnosis = *other;
+        }
+        Between::Open(estimates) if !is_unexplained => diagnosis.hold(&estimates),
         _ => {}
+    }
+    if diagnosis.verdict != Verdict::Unexplained || interrupt::requested() {
+        return diagnosis;
     }
     let colour: [f64; MEASURED] = std::array::from_fn(|channel| {
         fit::colour_of(&residual::series(case.train(), &diagnosis.predictions, channel))
     });
-    let diagnosis = with_jumps.unwrap_or(diagnosis);
     if colour == [0.0; MEASURED] {
         return diagnosis;
     }
@@ -261,39 +268,56 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Di
     if other.verdict == Verdict::Unexplained { diagnosis } else { other }
 }
 
-/// Diagnoses a case whose commands jump between samples; none where they do not, or where that explains no more than the
-/// model that was found without it.
+/// What records say of commands that jump between samples.
+enum Between {
+    /// That there are none, or that they jump at samples.
+    No,
+    /// That these may be: what is free would be this.
+    Open(Vec<Estimate>),
+    /// That these are: the answer with them.
+    Found(Box<Diagnosis>),
+}
+
+/// Diagnoses a case whose commands jump between samples, if they do: if that explains more than the model that was found
+/// without it.
 fn diagnose_with_jumps(
     case: &Case<'_>,
     found: &Hypothesis,
     settings: &FitSettings,
     watch: Watch<'_>,
-) -> Option<Diagnosis> {
+) -> Between {
     let is_curve = case.rig.command_path == CommandPath::Curve;
     let as_it_is = || is_curve.then(|| (case.rig.clone(), case.records.to_vec()));
-    let (rig, records) = fit::curved(case.rig, case.records).or_else(as_it_is)?;
+    let Some((rig, records)) = fit::curved(case.rig, case.records).or_else(as_it_is) else {
+        return Between::No;
+    };
     let curved = Case { rig: &rig, records: &records, ..*case };
-    let jumps = Jumps::of(&records)?;
-    let beside = |found: &Hypothesis| jumps.timed(&curved, |case| found.refitted(case));
+    let Some(jumps) = Jumps::of(&records) else { return Between::No };
     let alone = jumps.timed(&curved, |case| Declared::of(case, settings).root);
-    let beside_found = (!found.added.is_empty()).then(|| beside(found));
+    let beside_found = || jumps.timed(&curved, |case| found.refitted(case));
+    let beside_found = (!found.added.is_empty()).then(beside_found);
     let timed: Vec<Timed> = [alone].into_iter().chain(beside_found).collect();
     let scale = timed.iter().map(|timed| timed.model.scale()).fold(found.scale(), f64::min);
-    let cost = |timed: &Timed| timed.model.cost(scale) + jumps.price(&timed.model, scale);
-    let mut best = timed.into_iter().min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
-    if cost(&best) > found.cost(scale) - TOLD_APART {
-        return None;
+    let cost = |timed: Timed| Some((timed.model.cost(scale) + timed.price()?, timed));
+    let best = timed.into_iter().filter_map(cost).min_by(|(a, _), (b, _)| a.total_cmp(b));
+    let Some((cost, mut best)) = best else { return Between::No };
+    let gain = found.cost(scale) - cost;
+    if gain.abs() <= TOLD_APART && found.same_effects(&best.model) {
+        return Between::Open(best.model.estimates(&best.case(&curved), None));
+    }
+    if gain <= TOLD_APART {
+        return Between::No;
     }
     let again =
         |what: &str, share: f64| watch(&format!("{what}, command jumps between samples"), 0.9 + 0.1 * share);
     let mut turn = 1;
     loop {
-        let timed = Case { records: &best.records, ..curved };
-        let (diagnosis, found) = diagnose_in_noise(&timed, settings, &again);
+        let (diagnosis, found) = diagnose_in_noise(&best.case(&curved), settings, &again);
         if turn == MOST_TIMED || found.same_effects(&best.model) || interrupt::requested() {
-            return Some(Diagnosis { jumps: Some(best.times), ..diagnosis });
+            let jumps = Some(best.jumps.times(&records));
+            return Between::Found(Box::new(Diagnosis { jumps, ..diagnosis }));
         }
-        best = beside(&found);
+        best = best.jumps.with(&curved, |case| found.refitted(case)).settled(&curved);
         turn += 1;
     }
 }
@@ -377,7 +401,7 @@ fn diagnose_from(
         .zip(case.records)
         .map(|(excerpt, whole)| excerpt.unwrap_or_else(|| whole.clone()))
         .collect();
-    let searched = Case { records: &searched, ..*case };
+    let searched = Case { records: &searched, jumps: None, ..*case };
     let root = if in_excerpts { root.refitted(&searched) } else { root };
     let sound = search::search(&searched, root, settings, watch);
     let Hypothesis { ranges, train: Polished { values, .. }, .. } = &sound.root;

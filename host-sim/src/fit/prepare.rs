@@ -230,13 +230,13 @@ impl Prepared {
         Self { measured, ..self.clone() }
     }
 
-    /// The same record, each jump of its command ahead of its sample by a share of the one before, from 0 to below 1.
+    /// The same record, its command jumping ahead of some samples by shares of the ones before, from 0 to below 1.
     #[must_use]
-    pub fn with_jumps_ahead(&self, shares: &[f64]) -> Self {
+    pub fn with_jumps_ahead(&self, jumps: impl IntoIterator<Item = (usize, f64)>) -> Self {
         let mut ahead = self.ahead.clone();
         ahead.resize(self.len(), 0.0);
-        for (jump, &share) in self.jumps().into_iter().zip(shares) {
-            ahead[jump] = share;
+        for (sample, share) in jumps {
+            ahead[sample] = share;
         }
         Self { ahead, ..self.clone() }
     }

@@ -313,7 +313,7 @@ impl Case {
         let ahead = if self.program.later > 0.0 { 1.0 - self.program.later / PERIOD } else { 0.0 };
         let told = |record: &Prepared| {
             let record = record.along(&flown);
-            record.with_jumps_ahead(&vec![ahead; record.jumps().len()])
+            record.with_jumps_ahead(record.jumps().into_iter().map(|jump| (jump, ahead)))
         };
         let records = records.iter().map(told).collect();
         Diagnosed { diagnosis, truth, records }

@@ -37,7 +37,7 @@ fn write_the_table() {
 }
 
 #[test]
-#[ignore = "the drawn cases take some half an hour"]
+#[ignore = "the drawn cases take some twenty minutes"]
 fn write_the_drawn_cases() {
     // Numbers of cases, separated by blanks, that are to be shown in place of the document, or saved to a folder.
     let chosen = std::env::var("BLIND_CASES").unwrap_or_default();
