@@ -40,6 +40,15 @@ fn save(directory: &Path, name: &str, record: Record) -> PathBuf {
     path
 }
 
+/// The command and the position alone, with noise of its own.
+fn save_position(directory: &Path, record: Record, noise: f64, seed: u64) -> PathBuf {
+    let Record { command, mut lvdt, .. } = record;
+    add_noise(&mut lvdt, noise, seed);
+    let path = directory.join(format!("{seed}.csv"));
+    std::fs::write(&path, csv(&[("command_m", &command), ("lvdt_m", &lvdt)])).unwrap();
+    path
+}
+
 /// The text of a record at 1 kHz.
 fn csv(columns: &[(&str, &Vec<f64>)]) -> String {
     let mut text = String::from("t_s");
@@ -94,13 +103,7 @@ fn diagnose_positions(plant: &Plant, commands: &[Command; 3], noise: f64, seed: 
     let paths: Vec<PathBuf> = commands
         .iter()
         .zip(seed..)
-        .map(|(flown, seed)| {
-            let Record { command, mut lvdt, .. } = fly_curve(plant, flown);
-            add_noise(&mut lvdt, noise, seed);
-            let path = directory.path().join(format!("{seed}.csv"));
-            std::fs::write(&path, csv(&[("command_m", &command), ("lvdt_m", &lvdt)])).unwrap();
-            path
-        })
+        .map(|(flown, seed)| save_position(directory.path(), fly_curve(plant, flown), noise, seed))
         .collect();
     let [first, second, held] = &paths[..] else { unreachable!("three commands") };
     host_sim("diagnose", |command| {
@@ -293,15 +296,22 @@ fn spikes_on_the_line_of_a_sensor_are_no_effect() {
     faults_are_right(&result, 4.0, "spikes");
 }
 
-/// When the steps of the held-out record of [`diagnose_flown`] come, s.
+/// The interval of each fault.
+fn intervals_of_faults(result: &Value) -> [[f64; 2]; 2] {
+    [0, 1].map(|fault| [0, 1].map(|end| result["faults"][fault]["ci95"][end].as_f64().unwrap()))
+}
+
+/// When the steps of [`Command::MixedStep`] come, s.
 const STEPS: [f64; 3] = [0.01, 0.2, 0.6];
 
-/// The jumps of the held-out record come so much later than the samples that they are meant for, s.
-fn jumps_are_found(result: &Value, later: f64) {
+/// The jumps of one of three records, and of no other, come so much later than the samples that they are meant for, to
+/// within a time, s.
+fn jumps_are_found(result: &Value, record: usize, later: f64, within: f64) {
     let jumps: Vec<Vec<f64>> = serde_json::from_value(result["command_jumps_s"].clone()).unwrap();
-    assert_eq!(jumps.iter().map(Vec::len).collect::<Vec<_>>(), [0, 0, STEPS.len()], "{jumps:?}");
-    for (found, step) in jumps[2].iter().zip(STEPS) {
-        assert!((found - step - later).abs() < 3e-5, "{found} s is not {step} s and {later} s later");
+    let counts: Vec<usize> = (0..3).map(|index| if index == record { STEPS.len() } else { 0 }).collect();
+    assert_eq!(jumps.iter().map(Vec::len).collect::<Vec<_>>(), counts, "{jumps:?}");
+    for (found, step) in jumps[record].iter().zip(STEPS) {
+        assert!((found - step - later).abs() < within, "{found} s is not {step} s and {later} s later");
     }
 }
 
@@ -314,13 +324,13 @@ fn a_command_that_jumps_between_two_samples_is_no_effect() {
     let flown = |plant: &Plant| diagnose_flown(|command| fly_curve(plant, &command.clone().later(later)), 1);
     let result = flown(&plant);
     assert_eq!(result["verdict"], "adequate", "{result:#}");
-    jumps_are_found(&result, later);
+    jumps_are_found(&result, 2, later, 3e-5);
     faults_are_right(&result, 4.0, "jumps");
 
     plant.effects.friction_asymmetry = 0.2;
     let result = flown(&plant);
     assert_eq!(result["verdict"], "explained", "{result:#}");
-    jumps_are_found(&result, later);
+    jumps_are_found(&result, 2, later, 3e-5);
     faults_are_right(&result, 4.0, "jumps beside an effect");
     // Jumps at samples are left there.
     let at_samples = diagnose_flown(|command| fly_curve(&plant, command), 1);
@@ -337,14 +347,10 @@ fn steps_of_a_fitted_record_that_come_between_samples_are_timed_with_the_faults(
     for noise in [1e-6, 1e-5] {
         let result = diagnose_positions(&faulty(), &commands, noise, 1);
         assert_eq!(result["verdict"], "adequate", "{result:#}");
-        for (index, truth) in [BKL, FDJ].into_iter().enumerate() {
-            let [low, high] = [0, 1].map(|end| result["faults"][index]["ci95"][end].as_f64().unwrap());
+        for ([low, high], truth) in intervals_of_faults(&result).into_iter().zip([BKL, FDJ]) {
             assert!((low..=high).contains(&truth), "{low} to {high} does not hold {truth}");
         }
-        let jumps: Vec<Vec<f64>> = serde_json::from_value(result["command_jumps_s"].clone()).unwrap();
-        for (found, step) in jumps[1].iter().zip(STEPS) {
-            assert!((found - step - later).abs() < 5e-5, "{found} s is not {step} s and {later} s later");
-        }
+        jumps_are_found(&result, 1, later, 5e-5);
     }
 }
 
@@ -354,22 +360,16 @@ fn steps_of_a_fitted_record_that_come_between_samples_are_timed_with_the_faults(
 fn intervals_hold_the_faults_of_steps_that_may_be_between_samples() {
     let width = |noise: f64| {
         let directory = tempfile::tempdir().unwrap();
-        let record = |name: &str, command: &Command, seed| {
-            let Record { command, mut lvdt, .. } = faulty().record(command, SAMPLES);
-            add_noise(&mut lvdt, noise, seed);
-            let path = directory.path().join(name);
-            std::fs::write(&path, csv(&[("command_m", &command), ("lvdt_m", &lvdt)])).unwrap();
-            path
+        let record = |command: &Command, seed| {
+            save_position(directory.path(), faulty().record(command, SAMPLES), noise, seed)
         };
         let result = host_sim("diagnose", |command| {
-            let first = record("chirp.csv", &Command::CHIRP_LOW, 1);
-            command.arg(first).arg(record("steps.csv", &Command::MixedStep, 2))
+            command.arg(record(&Command::CHIRP_LOW, 1)).arg(record(&Command::MixedStep, 2))
         });
         assert_eq!(result["verdict"], "adequate", "{result:#}");
-        let friction = &result["faults"][1];
-        let [low, high] = [0, 1].map(|end| friction["ci95"][end].as_f64().unwrap());
-        assert!((low..=high).contains(&FDJ), "{friction}");
-        (high - low) / friction["standard_error"].as_f64().unwrap()
+        let [_, [low, high]] = intervals_of_faults(&result);
+        assert!((low..=high).contains(&FDJ), "{low} to {high}");
+        (high - low) / fault(&result, "fdj").1
     };
     let (coarse, fine) = (width(2e-5), width(1e-6));
     assert!(coarse > 1.05 * 3.92, "{coarse}");

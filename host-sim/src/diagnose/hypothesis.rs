@@ -154,12 +154,8 @@ impl Hypothesis {
     /// What an effect must gain to be believed: the logarithm of the number of samples for each of its parameters, and
     /// the odds of having tried the whole catalogue.
     pub(super) fn price(&self, effect: &EffectInfo, scale: f64) -> f64 {
-        effect.parameters.len() as f64 * self.price_of_parameter(scale) + 2.0 * (EFFECTS.len() as f64).ln()
-    }
-
-    /// What one more number that is fitted must gain: the logarithm of the number of samples.
-    pub(super) fn price_of_parameter(&self, scale: f64) -> f64 {
-        (f64::from(self.joint.misfit.count) / scale).ln().max(1.0)
+        let of_parameter = (f64::from(self.joint.misfit.count) / scale).ln().max(1.0);
+        effect.parameters.len() as f64 * of_parameter + 2.0 * (EFFECTS.len() as f64).ln()
     }
 
     /// What is free, with errors for white noise that is `inflation` times as strong; none where noise is what is left.

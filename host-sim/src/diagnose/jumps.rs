@@ -176,8 +176,8 @@ impl Jumps {
             .collect()
     }
 
-    /// Times the jumps of the records of a case together with a model, which is first fitted to what is not the answer to
-    /// a jump.
+    /// Times the jumps of the records of a case together with a model, from the best of some places: those at which all are
+    /// as late, each with its own fit, and those that suit the best of these, or a fit to what is not the answer to a jump.
     pub(super) fn timed(&self, case: &Case<'_>, fitted: impl Fn(&Case<'_>) -> Hypothesis + Sync) -> Timed {
         let answers = self.0[..case.fitted].iter().flatten().count() as f64 * ANSWER_S;
         let flown: f64 = case.train().iter().map(|record| record.len() as f64 * record.sample_period).sum();
