@@ -431,7 +431,24 @@ impl Hypothesis {
         let (ranges, train) = candidate::fitted(&rig, ranges.clone(), &start, case.train())
             .unwrap_or_else(|| (ranges, self.train.clone()));
         let rig = train.applied(&rig, &ranges);
-        Self::validated(case, rig, ranges, train, added)
+        Self::validated(case, rig, ranges, train, added).shown_by(case, self)
+    }
+
+    /// This model where the fit to all records of one with more in it shows a better valley of them.
+    fn shown_by(self, case: &Case<'_>, larger: &Self) -> Self {
+        let value_there = |range: &Range| {
+            let index = larger.ranges.iter().position(|there| there.parameter == range.parameter);
+            index.map(|index| larger.joint.values[index])
+        };
+        let start: Option<Vec<f64>> = self.ranges.iter().map(value_there).collect();
+        let joint = start.and_then(|start| fit::polish(&self.rig, &self.ranges, &start, case.records));
+        match joint {
+            Some(joint) if joint.misfit.chi_square < self.joint.misfit.chi_square - BETTER_VALLEY => {
+                let Self { rig, ranges, train, added, .. } = self;
+                Self::of(case, rig, ranges, [train, joint], added)
+            }
+            _ => self,
+        }
     }
 
     /// The effects that could stand in for one that was added: with each in its place, the others kept, the records

@@ -169,8 +169,8 @@ pub struct Case<'a> {
     pub fitted: usize,
     /// Channels whose noise the rig states.
     pub known_noise: [Option<f64>; MEASURED],
-    /// What a prediction of each channel may be off without anything being missing: the model's own error, and what the
-    /// commands have lost to the step in which they were recorded.
+    /// What a prediction of each channel may be off without anything being missing: the model's own error, and what is
+    /// lost to the steps in which the commands were recorded and the sensors are read.
     pub model_error: [f64; MEASURED],
     /// The jumps of their commands, where the times of these were fitted.
     jumps: Option<&'a Jumps>,
@@ -180,10 +180,12 @@ impl<'a> Case<'a> {
     /// A case of records that are ready for a rig, of which the first ones are fitted.
     pub fn new(rig: &'a Rig, records: &'a [Prepared], fitted: usize) -> Self {
         let error = |channel: usize| {
-            records
-                .iter()
-                .map(|record| fit::MODEL_ERROR[channel].hypot(record.lost[channel]))
-                .fold(0.0, f64::max)
+            let lost = records.iter().map(|record| record.lost[channel]).fold(0.0, f64::max);
+            // The sensor is the same in all of them: the one that shows most of its noise tells what that leaves of its
+            // steps. One in which it rests on a step shows none.
+            let by_steps = records.iter().map(|record| record.off_by_steps[channel]);
+            let by_steps = by_steps.filter(|&off| off > 0.0).reduce(f64::min).unwrap_or(0.0);
+            fit::MODEL_ERROR[channel].hypot(lost).hypot(by_steps)
         };
         Self {
             rig,

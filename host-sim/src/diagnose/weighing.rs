@@ -15,6 +15,9 @@ use rayon::prelude::*;
 const HOLDOUT_CHANCE: f64 = 9.0;
 /// Standard errors, over blocks of the records, that a gain must have where what is left is not noise.
 const ROBUST_SIGMA: f64 = 2.0;
+/// Standard errors that an effect's size must be from none: one whose interval holds none opens another valley of the
+/// rest, no more.
+const SIZE_SIGMA: f64 = 2.0;
 
 /// An effect that earns its place.
 pub(super) struct Earned {
@@ -51,16 +54,18 @@ impl Hypothesis {
             if self.weakest(case, &earned).is_none() {
                 let new: Vec<Self> = self.added.par_iter().map(|effect| self.without(case, effect)).collect();
                 for new in new {
-                    match known.iter_mut().find(|known| known.same_effects(&new)) {
-                        Some(known) if known.joint.misfit.chi_square <= new.joint.misfit.chi_square => {}
-                        Some(known) => *known = new,
-                        None => known.push(new),
-                    }
+                    learn(known, new);
                 }
                 earned = self.weighed(known);
             }
             let Some(weakest) = self.weakest(case, &earned) else { return (self, earned) };
-            self = weakest.without.clone();
+            let mut without = weakest.without.clone();
+            if !self.is_of_a_size(case, weakest.effect) {
+                // The rest is just as good without it where this one has it.
+                learn(known, self.without(case, weakest.effect));
+                without = self.known_without(weakest.effect, known).cloned().unwrap_or(without);
+            }
+            self = without;
         }
     }
 
@@ -74,6 +79,7 @@ impl Hypothesis {
         };
         let earns = |earned: &Earned| {
             earned.evidence > 0.0
+                && self.is_of_a_size(case, earned.effect)
                 && (self.harm(&earned.without) < HOLDOUT_CHANCE * repeats
                     || noise_only && !self.changes_the_held_out(case, &earned.without))
                 && self.matters_against(case, &earned.without, noise_only)
@@ -81,6 +87,16 @@ impl Hypothesis {
         };
         let idle = all.iter().filter(|earned| !earns(earned));
         idle.min_by(|a, b| a.evidence.total_cmp(&b.evidence))
+    }
+
+    /// Does the interval of an effect's size leave out that it is not there?
+    fn is_of_a_size(&self, case: &Case<'_>, effect: &EffectInfo) -> bool {
+        let size = effect.parameters[0];
+        let Some(index) = self.ranges.iter().position(|range| range.parameter == size) else { return true };
+        [&self.train, &self.joint].iter().all(|fit| {
+            let from_none = fit.values[index] - case.rig.parameters.get(size);
+            from_none.abs() > SIZE_SIGMA * fit.standard_error(index) * self.scale().sqrt()
+        })
     }
 
     /// By how much the held-out records' chi-square is above that of another model.
@@ -96,11 +112,13 @@ impl Hypothesis {
         differ(case.holdout(), here, there, &case.model_error)
     }
 
-    /// Does it change the prediction of a record by more than the model's own error, or move a fault by more than its
-    /// error, and so far that this would? Where what is left is not noise it is no name, just a help for prediction: what is
-    /// believed of a channel is bar enough.
+    /// Does it change the prediction of a record by more than the model's own error, or make noise of what the other
+    /// leaves? Or does it change it by more than is believed of a channel, and move a fault by more than its error and so
+    /// far that this alone would? Where what is left is not noise it is no name, just a help for prediction: what is
+    /// believed is bar enough.
     fn matters_against(&self, case: &Case<'_>, without: &Self, noise_only: bool) -> bool {
         let bar = if noise_only { case.model_error } else { SMALLEST_NOISE };
+        let changes = |bar| differ(case.records, &self.predictions, &without.predictions, bar);
         let is_biased = |(index, range): (usize, &Range)| {
             let shift = without.train.values[index] - self.train.values[index];
             let error = self.train.standard_error(index) * self.scale().sqrt();
@@ -111,8 +129,9 @@ impl Hypothesis {
             };
             shift.abs() > 3.0 * error && differ(case.records, &self.predictions, &moved(), &bar)
         };
-        differ(case.records, &self.predictions, &without.predictions, &bar)
-            || case.rig.faults.iter().enumerate().any(is_biased)
+        changes(&bar)
+            || noise_only && !without.leaves_noise(case)
+            || changes(&SMALLEST_NOISE) && case.rig.faults.iter().enumerate().any(is_biased)
     }
 
     /// Is its gain over another model more than the luck of a few places? What is left is not noise, so the spread of
@@ -123,6 +142,15 @@ impl Hypothesis {
         let mean = gains.iter().sum::<f64>() / count;
         let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (count - 1.0);
         mean > ROBUST_SIGMA * (variance / count).sqrt()
+    }
+}
+
+/// Adds a model to those that are known, or puts it in place of one of the same effects that fits worse.
+fn learn(known: &mut Vec<Hypothesis>, new: Hypothesis) {
+    match known.iter_mut().find(|known| known.same_effects(&new)) {
+        Some(known) if known.joint.misfit.chi_square <= new.joint.misfit.chi_square => {}
+        Some(known) => *known = new,
+        None => known.push(new),
     }
 }
 

@@ -60,8 +60,11 @@ pub struct Prepared {
     holds: bool,
     drive: Vec<f64>,
     /// What a prediction of each measured channel may be off, rms, in its unit, by the steps in which the command was
-    /// recorded and the sensor is read.
+    /// recorded.
     pub lost: [f64; MEASURED],
+    /// What each measured channel may be off, rms, in its unit, by the steps in which its sensor is read, as far as the
+    /// noise that this record shows leaves it; 0 where they are finer than a model's own error.
+    pub off_by_steps: [f64; MEASURED],
 }
 
 impl Prepared {
@@ -127,6 +130,7 @@ impl Prepared {
             settle,
             offset_unknown: self.offset_unknown,
             lost: self.lost,
+            off_by_steps: self.off_by_steps,
         })
     }
 
@@ -160,7 +164,7 @@ impl Prepared {
             let changes: Vec<f64> = differences(&as_recorded, &moved, channel).collect();
             let lost = rms(changes.iter().copied());
             let repeats = correlation_time(&[changes]);
-            self.lost[channel] = self.lost[channel].hypot(lost);
+            self.lost[channel] = lost;
             self.noise[channel] = self.noise[channel].hypot(lost * repeats.sqrt());
         }
         self
@@ -173,7 +177,7 @@ impl Prepared {
             let step = quantum(&present(&self.measured[channel]));
             if step > MODEL_ERROR[channel] {
                 let noise = (self.noise[channel].powi(2) - step * step / 12.0).max(0.0) / (step * step);
-                self.lost[channel] = step / PI * (-2.0 * PI * PI * noise).exp() / SQRT_2;
+                self.off_by_steps[channel] = step / PI * (-2.0 * PI * PI * noise).exp() / SQRT_2;
             }
         }
         self
@@ -404,6 +408,7 @@ pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepa
         holds: rig.drive_holds,
         drive,
         lost: [0.0; MEASURED],
+        off_by_steps: [0.0; MEASURED],
     };
     let mut prepared = on_lines.along(rig);
     if law.is_none() && restart.is_none() && settle > 0 {
