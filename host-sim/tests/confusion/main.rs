@@ -12,7 +12,7 @@ mod blind;
 mod cases;
 mod floor;
 mod table;
-mod valleys;
+mod written;
 
 use cases::{CHANNEL_SETS, Case, Presence};
 use std::path::PathBuf;
