@@ -1,4 +1,5 @@
-//! Cases that were hard once, written down: with the user position alone, and with what is to be found.
+//! Cases that were hard once, written down: with the user position alone, and with what is to be found. Those with all of
+//! their digits were drawn, and are not hard where one is another.
 
 use crate::blind;
 use crate::cases::{CHANNEL_SETS, Case, Outcome, Presence, Program};
@@ -99,14 +100,18 @@ fn valleys_that_no_slope_leads_to_are_found() {
     };
     // One of many valleys of ringing oil, which effects of no size beside it show to a fit.
     let alone = Case {
-        program: Program { rule: Rule::SemiImplicitEuler, later: 5.58e-4, ..Program::default() },
+        program: Program {
+            rule: Rule::SemiImplicitEuler,
+            later: 5.581_508_774_680_501e-4,
+            ..Program::default()
+        },
         ..case(
-            12046,
-            [8.41e-4, 730.0],
-            3.86e-6,
-            [(chirp(9.75e-3), 2984), (Command::MixedStep, 2984)],
+            16_265_327_879_092_202_134,
+            [8.411_780_340_626_269e-4, 730.274_887_451_555_7],
+            3.861_841_459_381_62e-6,
+            [(chirp(9.752_810_098_739_649e-3), 2984), (Command::MixedStep, 2984)],
             (Command::CHIRP_LOW, 1870),
-            vec![present("compressibility", 5.19, true, 1.81)],
+            vec![present("compressibility", 5.191_259_832_834_068, true, 1.812_453_897_792_001_5)],
         )
     };
     are_found(&[
@@ -119,27 +124,27 @@ fn valleys_that_no_slope_leads_to_are_found() {
 
 #[test]
 fn coarse_steps_hide_no_more_than_the_record_with_most_noise_says() {
-    // Held out is a chirp that rests on its steps: nothing of the noise is seen there.
     let shifted = Case {
-        quantum: 2e-5,
+        quantum: 1.287_781_715_851_123e-5,
+        program: Program { later: 6.102_664_161_704_311e-4, ..Program::default() },
         ..case(
-            12019,
-            [1.17e-4, 201.0],
-            4.77e-6,
-            [(chirp(7.19e-3), 3925), (Command::MixedStep, 3925)],
-            (Command::CHIRP_LOW, 1428),
-            vec![present("sensor-offset", 8.1, false, 1.54)],
+            8_561_870_436_328_005_386,
+            [3.453_426_036_734_983_4e-4, 2_315.861_890_760_679],
+            1.707_210_071_132_403_3e-6,
+            [(chirp(5.060_180_605_362_134e-3), 4781), (Command::MixedStep, 4781)],
+            (Command::Mixed, 1854),
+            vec![present("sensor-offset", 3.804_454_714_223_764_4, true, 0.710_963_316_262_712_4)],
         )
     };
     // What another program's steps do to long records is more than chance, and less than is believed of a channel.
     let clean = Case {
-        quantum: 1.127e-6,
+        quantum: 1.126_964_630_210_295_6e-6,
         program: other_program(),
         ..case(
             11_916_522_795_004_649_584,
-            [5.945e-4, 842.7],
-            1.03e-6,
-            [(chirp(6.06e-3), 4495), (Command::MixedStep, 4495)],
+            [5.944_889_359_684_293e-4, 842.680_482_996_006_6],
+            1.030_060_549_061_142e-6,
+            [(chirp(6.060_786_893_137_707e-3), 4495), (Command::MixedStep, 4495)],
             (Command::Mixed, 1781),
             Vec::new(),
         )
