@@ -3,7 +3,7 @@
 use super::Case;
 use super::hypothesis::Hypothesis;
 use super::residual::{self, MEASURED};
-use crate::fit::{self, Prepared, SMALLEST_NOISE};
+use crate::fit::{self, Polished, Prepared, SMALLEST_NOISE};
 use crate::rig::Range;
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::model::state::Outputs;
@@ -89,14 +89,18 @@ impl Hypothesis {
         idle.min_by(|a, b| a.evidence.total_cmp(&b.evidence))
     }
 
-    /// Does the interval of an effect's size leave out that it is not there?
+    /// Does the interval of an effect's size leave out that it is not there? That of all records does, and that of the
+    /// fitted ones, unless these leave open what all of them say.
     fn is_of_a_size(&self, case: &Case<'_>, effect: &EffectInfo) -> bool {
         let size = effect.parameters[0];
         let Some(index) = self.ranges.iter().position(|range| range.parameter == size) else { return true };
-        [&self.train, &self.joint].iter().all(|fit| {
-            let from_none = fit.values[index] - case.rig.parameters.get(size);
-            from_none.abs() > SIZE_SIGMA * fit.standard_error(index) * self.scale().sqrt()
-        })
+        let is_told_from = |fit: &Polished, value: f64| {
+            let error = fit.standard_error(index) * self.scale().sqrt();
+            (fit.values[index] - value).abs() > SIZE_SIGMA * error
+        };
+        let none = case.rig.parameters.get(size);
+        is_told_from(&self.joint, none)
+            && (is_told_from(&self.train, none) || !is_told_from(&self.train, self.joint.values[index]))
     }
 
     /// By how much the held-out records' chi-square is above that of another model.
