@@ -427,22 +427,17 @@ impl Hypothesis {
         }
         let mut ranges = self.ranges.clone();
         ranges.retain(|range| !effect.parameters.contains(&range.parameter));
-        let start: Vec<f64> = ranges.iter().map(|range| rig.parameters.get(range.parameter)).collect();
-        let (ranges, train) = candidate::fitted(&rig, ranges.clone(), &start, case.train())
+        let start = Place::of(&rig, &ranges);
+        let (ranges, train) = candidate::fitted(&rig, start.ranges, &start.values, case.train())
             .unwrap_or_else(|| (ranges, self.train.clone()));
         let rig = train.applied(&rig, &ranges);
-        Self::validated(case, rig, ranges, train, added).shown_by(case, self)
+        Self::validated(case, rig, ranges, train, added).in_valley_of(case, self)
     }
 
     /// This model where the fit to all records of one with more in it shows a better valley of them.
-    fn shown_by(self, case: &Case<'_>, larger: &Self) -> Self {
-        let value_there = |range: &Range| {
-            let index = larger.ranges.iter().position(|there| there.parameter == range.parameter);
-            index.map(|index| larger.joint.values[index])
-        };
-        let start: Option<Vec<f64>> = self.ranges.iter().map(value_there).collect();
-        let joint = start.and_then(|start| fit::polish(&self.rig, &self.ranges, &start, case.records));
-        match joint {
+    fn in_valley_of(self, case: &Case<'_>, larger: &Self) -> Self {
+        let there = Place::of(&larger.joint.applied(&larger.rig, &larger.ranges), &self.ranges);
+        match fit::polish(&self.rig, &self.ranges, &there.values, case.records) {
             Some(joint) if joint.misfit.chi_square < self.joint.misfit.chi_square - BETTER_VALLEY => {
                 let Self { rig, ranges, train, added, .. } = self;
                 Self::of(case, rig, ranges, [train, joint], added)

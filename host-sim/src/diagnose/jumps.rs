@@ -248,7 +248,9 @@ impl Jumps {
         let rig = fit.applied(rig, ranges);
         let residual =
             |rig: &Rig, records: &[Prepared]| residual::in_noise(records, &fit::predict(rig, records));
-        let left = residual(&rig, records);
+        let of_each: Vec<DVector<f64>> =
+            records.par_iter().map(|record| residual(&rig, slice::from_ref(record))).collect();
+        let left: DVector<f64> = of_each.iter().flatten().copied().collect::<Vec<_>>().into();
         let of_value = |(index, range): (usize, &rig::Range)| {
             let (value, width) = (fit.values[index], DIFFERENCE * fit.standard_error(index));
             let width = if value + width > range.upper { -width } else { width };
@@ -258,12 +260,11 @@ impl Jumps {
         };
         let mut columns: Vec<DVector<f64>> = ranges.par_iter().enumerate().map(of_value).collect();
         let mut start = 0;
-        for (jumps, record) in iter::zip(&self.0, records) {
-            let here = residual(&rig, slice::from_ref(record));
+        for ((jumps, record), here) in iter::zip(&self.0, records).zip(&of_each) {
             let of_jump = |jump: &Jump| {
                 let moved = record.with_jumps_ahead([(jump.sample, jump.share + jump.step())]);
                 let mut column = DVector::zeros(left.len());
-                let change = (residual(&rig, &[moved]) - &here) / jump.step();
+                let change = (residual(&rig, &[moved]) - here) / jump.step();
                 column.rows_mut(start, here.len()).copy_from(&change);
                 column
             };

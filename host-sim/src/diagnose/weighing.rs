@@ -59,13 +59,12 @@ impl Hypothesis {
                 earned = self.weighed(known);
             }
             let Some(weakest) = self.weakest(case, &earned) else { return (self, earned) };
-            let mut without = weakest.without.clone();
-            if !self.is_of_a_size(case, weakest.effect) {
+            self = if self.is_of_a_size(case, weakest.effect) {
+                weakest.without.clone()
+            } else {
                 // The rest is just as good without it where this one has it.
-                learn(known, self.without(case, weakest.effect));
-                without = self.known_without(weakest.effect, known).cloned().unwrap_or(without);
-            }
-            self = without;
+                learn(known, self.without(case, weakest.effect)).clone()
+            };
         }
     }
 
@@ -149,13 +148,16 @@ impl Hypothesis {
     }
 }
 
-/// Adds a model to those that are known, or puts it in place of one of the same effects that fits worse.
-fn learn(known: &mut Vec<Hypothesis>, new: Hypothesis) {
-    match known.iter_mut().find(|known| known.same_effects(&new)) {
+/// Adds a model to those that are known, or puts it in place of one of the same effects that fits worse; what is known
+/// of these effects then.
+fn learn(known: &mut Vec<Hypothesis>, new: Hypothesis) -> &Hypothesis {
+    let index = known.iter().position(|known| known.same_effects(&new)).unwrap_or(known.len());
+    match known.get_mut(index) {
         Some(known) if known.joint.misfit.chi_square <= new.joint.misfit.chi_square => {}
         Some(known) => *known = new,
         None => known.push(new),
     }
+    &known[index]
 }
 
 /// Do two predictions of records differ in a channel by more than a bar, rms over one of the records?

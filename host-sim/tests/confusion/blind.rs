@@ -17,7 +17,7 @@ use std::io;
 use std::ops::Range as Between;
 use std::path::Path;
 
-/// Cases of the document: numbers that nobody had looked at when it was made. Development looks at smaller ones.
+/// Cases of the document: numbers that nobody had looked at when it was made.
 const FIRST: u64 = 11_000;
 const COUNT: u64 = 48;
 /// Sizes of the effects, in their floors.
@@ -416,7 +416,7 @@ pub(crate) fn document() -> String {
          lines between the samples of their records, half as the continuous functions (*curve*) that they are; half start their commands a part of a sample after the first one, so that \
          jumps and corners come *between* samples; half step as the \
          source does (*Euler*, 2 us), half at second order; half of those with all channels have noise in the user position \
-         alone (*exact*). None of them was looked at before: development uses numbers below {FIRST}. `cargo xtask blind {FIRST}` makes case {FIRST} anew.\n\n\
+         alone (*exact*). None of them was looked at before: development had used numbers below {FIRST}. `cargo xtask blind {FIRST}` makes case {FIRST} anew.\n\n\
          An effect counts where who knows the truth can see it: without it, the other true effects kept, the records fit worse by more than its price.\n\n"
     );
     let _ = writeln!(text, "| figure | wanted | {} | {} |\n|---|---|---|---|", SETS[0].name, SETS[1].name);
