@@ -4,6 +4,8 @@
 mod counter;
 #[path = "../firmware/hogs.rs"]
 mod hogs;
+#[path = "../firmware/registers.rs"]
+mod registers;
 #[path = "../firmware/runtime.rs"]
 mod runtime;
 #[path = "uart.rs"]
@@ -31,7 +33,7 @@ fn start() -> ! {
     let Some(peripherals) = cortex_m::Peripherals::take() else {
         process::exit(EXIT_NO_PERIPHERALS);
     };
-    let counter = Counter::new(peripherals.SYST);
+    let counter = Counter::new(peripherals);
     let mut uart = Uart::new();
     let (mut window, mut worst_window, mut worst_sample) = (0, 0, 0);
     loop {

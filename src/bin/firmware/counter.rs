@@ -1,71 +1,111 @@
-//! Cost of a piece of code, from the system timer.
+//! Cost of a piece of code, from a counter of 32 bits that no interrupt serves: what is measured, and the stack with it,
+//! is the code's own, in every run.
 //!
-//! Under QEMU with `-icount shift=6` every instruction takes 64 ns of the board's time and the system timer of the
-//! mps2 boards ticks every 40 ns (25 MHz): the count is one of instructions, exact and repeatable, and says nothing
-//! of cycles. On the real part the timer runs at the core's clock and counts cycles.
+//! Under QEMU with `-icount shift=6` every instruction takes 64 ns of the board's time and a timer of the mps2 boards
+//! ticks every 40 ns (25 MHz): the count is one of instructions, exact and repeatable, and says nothing of cycles. It
+//! lasts for 2.6 G instructions a piece. On the real part the core's own counter (DWT) counts cycles, 10 s at 400 MHz.
 
-use core::{
-    hint::black_box,
-    sync::atomic::{AtomicU32, Ordering},
-};
-use cortex_m::peripheral::{SYST, syst::SystClkSource};
+use core::hint::black_box;
+use cortex_m::Peripherals;
 
-/// What the counter counts.
-const UNIT: &str = if cfg!(feature = "board-stm32h743") { "cycles" } else { "instructions" };
+#[cfg(not(feature = "board-stm32h743"))]
+mod clock {
+    //! The first timer of the mps2 boards (Arm CMSDK APB timer), which counts down.
+    #![allow(unsafe_code, reason = "says where the timer's registers are")]
 
-/// Counts per tick of the timer, as a fraction: 40 ns a tick over 64 ns an instruction, or a cycle a tick.
-const COUNTS_PER_TICK: (u64, u64) = if cfg!(feature = "board-stm32h743") { (1, 1) } else { (40, 64) };
+    use super::super::registers::Registers;
+    use cortex_m::Peripherals;
 
-/// Largest value of the 24-bit timer. It counts down from here, so a wrap is this plus one ticks.
-const RELOAD: u32 = 0x00ff_ffff;
+    /// What is counted.
+    pub(super) const UNIT: &str = "instructions";
+    /// Counts per tick, as a fraction: 40 ns a tick over 64 ns an instruction.
+    pub(super) const COUNTS_PER_TICK: (u64, u64) = (40, 64);
 
-/// Wraps of the timer since it was started: one every 0.67 s at 25 MHz, so 32 bits outlast any run.
-static WRAPS: AtomicU32 = AtomicU32::new(0);
+    /// Address of the registers.
+    const BASE: usize = 0x4000_0000;
+    /// Offsets of the registers, in words.
+    const CONTROL: u8 = 0;
+    const VALUE: u8 = 1;
+    const RELOAD: u8 = 2;
+    /// Bit of the control: count, without interrupt.
+    const ENABLE: u32 = 1 << 0;
 
-/// Counts the wraps: 24 bits last for 10 million instructions only. Its own cost, 8 instructions a wrap, is part
-/// of what is measured.
-#[cortex_m_rt::exception]
-fn SysTick() {
-    WRAPS.store(WRAPS.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
+    /// The timer, which is this owner's.
+    pub(super) struct Clock(Registers);
+
+    impl Clock {
+        /// Starts it. The core's peripherals have no part in it.
+        pub(super) fn start(_: Peripherals) -> Self {
+            // SAFETY: the timer's block, which only this clock uses.
+            let mut registers = unsafe { Registers::at(BASE) };
+            registers.set(RELOAD, u32::MAX);
+            registers.set(VALUE, u32::MAX);
+            registers.set(CONTROL, ENABLE);
+            Self(registers)
+        }
+
+        /// Ticks since any time; they wrap.
+        pub(super) fn ticks(&self) -> u32 {
+            u32::MAX - self.0.get(VALUE)
+        }
+    }
+}
+
+#[cfg(feature = "board-stm32h743")]
+mod clock {
+    //! The cycle counter of the core.
+
+    use cortex_m::{Peripherals, peripheral::DWT};
+
+    /// What is counted.
+    pub(super) const UNIT: &str = "cycles";
+    /// Counts per tick, as a fraction.
+    pub(super) const COUNTS_PER_TICK: (u64, u64) = (1, 1);
+
+    /// The counter, which is this owner's.
+    pub(super) struct Clock(DWT);
+
+    impl Clock {
+        /// Starts it.
+        pub(super) fn start(mut peripherals: Peripherals) -> Self {
+            peripherals.DCB.enable_trace();
+            DWT::unlock();
+            peripherals.DWT.enable_cycle_counter();
+            Self(peripherals.DWT)
+        }
+
+        /// Cycles since any time; they wrap.
+        pub(super) fn ticks(&self) -> u32 {
+            self.0.cyccnt.read()
+        }
+    }
 }
 
 /// Reports the cost of a piece of work.
 pub(crate) fn report(group: &str, name: &str, cost: u64) {
-    defmt::println!("measure {=str}.{=str}.{=str}={=u64}", group, name, UNIT, cost);
+    defmt::println!("measure {=str}.{=str}.{=str}={=u64}", group, name, clock::UNIT, cost);
 }
 
 /// A running count of instructions (emulated boards) or cycles (real part).
 pub(crate) struct Counter {
-    timer: SYST,
+    clock: clock::Clock,
     /// Ticks between two readings with nothing between them.
-    overhead: u64,
+    overhead: u32,
 }
 
 impl Counter {
-    /// Starts the timer, which is this counter's from now on.
-    pub(crate) fn new(mut timer: SYST) -> Self {
-        timer.set_clock_source(SystClkSource::Core);
-        timer.set_reload(RELOAD);
-        timer.clear_current();
-        timer.enable_interrupt();
-        timer.enable_counter();
-        let mut counter = Self { timer, overhead: 0 };
+    /// Starts the clock, which is this counter's from now on.
+    pub(crate) fn new(peripherals: Peripherals) -> Self {
+        let mut counter = Self { clock: clock::Clock::start(peripherals), overhead: 0 };
         let start = counter.now();
         counter.overhead = counter.now().wrapping_sub(start);
         counter
     }
 
-    /// Ticks since the start.
+    /// Ticks since any time; they wrap. A call, so that every reading costs the same.
     #[inline(never)]
-    fn now(&self) -> u64 {
-        // A wrap between the two readings of its count would give the new timer value with the old count.
-        loop {
-            let wraps = WRAPS.load(Ordering::Relaxed);
-            let ticks = RELOAD - (self.timer.cvr.read() & RELOAD);
-            if WRAPS.load(Ordering::Relaxed) == wraps {
-                return (u64::from(wraps) << 24) + u64::from(ticks);
-            }
-        }
+    fn now(&self) -> u32 {
+        self.clock.ticks()
     }
 
     /// Runs `work` once; what it gives, and what it cost.
@@ -82,11 +122,11 @@ impl Counter {
         (value, self.since(start))
     }
 
-    /// Instructions (cycles on the real part) since `start`, without the cost of reading the timer.
-    fn since(&self, start: u64) -> u64 {
-        let ticks = self.now().saturating_sub(start).saturating_sub(self.overhead);
+    /// Instructions (cycles on the real part) since `start`, without the cost of reading the clock.
+    fn since(&self, start: u32) -> u64 {
+        let ticks = self.now().wrapping_sub(start).saturating_sub(self.overhead);
         // A tick is shorter than an instruction: each reading is exact to one instruction.
-        let (numerator, denominator) = COUNTS_PER_TICK;
-        (ticks * numerator + denominator / 2) / denominator
+        let (numerator, denominator) = clock::COUNTS_PER_TICK;
+        (u64::from(ticks) * numerator + denominator / 2) / denominator
     }
 }

@@ -4,6 +4,9 @@
 mod counter;
 #[path = "hogs.rs"]
 mod hogs;
+#[cfg(not(feature = "board-stm32h743"))]
+#[path = "registers.rs"]
+mod registers;
 #[path = "runtime.rs"]
 mod runtime;
 
@@ -15,7 +18,7 @@ use counter::Counter;
 use runtime::{EXIT_NO_PERIPHERALS, report_stack};
 use semihosting::process;
 
-/// Rounds of a loop of two instructions, which shows that the counter is right over several wraps of its timer.
+/// Rounds of a loop of two instructions, which shows that the counter is right.
 const CALIBRATION_ROUNDS: u32 = 20_000_000;
 
 #[cortex_m_rt::entry]
@@ -25,7 +28,7 @@ fn start() -> ! {
     let Some(peripherals) = cortex_m::Peripherals::take() else {
         process::exit(EXIT_NO_PERIPHERALS);
     };
-    let mut board = Board { counter: Counter::new(peripherals.SYST) };
+    let mut board = Board { counter: Counter::new(peripherals) };
     board.measure("board", "calibration", || cortex_m::asm::delay(CALIBRATION_ROUNDS));
     workload::run(&mut board, MEMORY);
     hogs::take();
