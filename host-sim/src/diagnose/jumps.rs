@@ -233,9 +233,15 @@ impl Jumps {
         let of_one = |((jumps, record), outputs): ((&Vec<Jump>, &Prepared), &Vec<Outputs<f64>>)| {
             let left = residual::in_noise(slice::from_ref(record), slice::from_ref(outputs));
             let ends = jumps.iter().skip(1).map(|jump| jump.sample).chain([record.len()]);
+            let compared: Vec<usize> =
+                (0..record.len()).filter(|&sample| record.is_compared(sample)).collect();
+            let before = |end: usize| compared.partition_point(|&sample| sample < end);
             let answer = |(jump, end): (&Jump, usize)| {
-                let samples =
-                    left.as_slice().chunks(record.len()).flat_map(|channel| &channel[jump.sample..end]);
+                let answer = before(jump.sample)..before(end);
+                let samples = left
+                    .as_slice()
+                    .chunks(compared.len().max(1))
+                    .flat_map(|channel| &channel[answer.clone()]);
                 samples.map(|left| left * left).sum()
             };
             jumps.iter().zip(ends).map(answer).collect()
@@ -302,6 +308,8 @@ mod tests {
     use crate::record::Record;
     use crate::rig::{CommandPath, Rig};
     use eha_monitor::channel::Channel;
+    use std::ops::Range;
+    use std::{iter, slice};
 
     const PERIOD: f64 = 1e-3;
     const NOISE: [f64; 4] = [5e-6, f64::INFINITY, f64::INFINITY, f64::INFINITY];
@@ -358,6 +366,27 @@ mod tests {
         }
         // Where friction leaves the actuator after a step is told by the time of the step as well.
         assert!(widening.iter().any(|&wider| wider > 1.2), "{widening:?}");
+    }
+
+    #[test]
+    fn an_answer_is_what_is_compared_between_its_jump_and_the_next() {
+        let (rig, record) = flown();
+        // What it has not forgotten of a start off its command is not compared.
+        let off: Vec<f64> = record.measured(0).iter().map(|position| position + 1e-4).collect();
+        let channels = vec![(Channel::Command, record.command().to_vec()), (Channel::UserPosition, off)];
+        let late = Record::new("late".to_owned(), PERIOD, 0.0, channels).unwrap();
+        let late = fit::prepare_with(&rig, &late, NOISE);
+        let skipped = (0..late.len()).filter(|&sample| !late.is_compared(sample)).count();
+        assert!((1..STEP).contains(&skipped), "{skipped}");
+        let jumps = Jumps(vec![[STEP, 600].map(|sample| Jump { sample, share: SHARE }).to_vec()]);
+        let outputs = fit::predict(&rig, slice::from_ref(&late));
+        let left = |samples: Range<usize>| -> f64 {
+            samples.map(|k| ((late.measured(0)[k] - outputs[0][k].user) / NOISE[0]).powi(2)).sum()
+        };
+        let answers = jumps.answers(slice::from_ref(&late), &outputs).concat();
+        for (answer, samples) in iter::zip(answers, [STEP..600, 600..late.len()]) {
+            assert!((answer / left(samples) - 1.0).abs() < 1e-9, "{answer}");
+        }
     }
 
     #[test]
