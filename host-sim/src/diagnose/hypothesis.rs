@@ -141,8 +141,16 @@ impl Hypothesis {
 
     /// Chi-square of all records in units of `scale`, with a price on every added parameter.
     pub(super) fn cost(&self, scale: f64) -> f64 {
-        let price: f64 = self.added.iter().map(|effect| self.price(effect, scale)).sum();
-        self.joint.misfit.chi_square / scale + price
+        self.joint.misfit.chi_square / scale + self.price_of_added(scale)
+    }
+
+    /// The same of the fitted records.
+    pub(super) fn cost_of_fitted(&self, scale: f64) -> f64 {
+        self.train.misfit.chi_square / scale + self.price_of_added(scale)
+    }
+
+    fn price_of_added(&self, scale: f64) -> f64 {
+        self.added.iter().map(|effect| self.price(effect, scale)).sum()
     }
 
     /// Do all records speak for this model against another one of as many parameters, at the odds that tell effects
@@ -449,7 +457,7 @@ impl Hypothesis {
     /// The effects that could stand in for one that was added: with each in its place, the others kept, the records
     /// are explained as well.
     pub(super) fn stand_ins(&self, case: &Case<'_>, earned: &Earned) -> Vec<Self> {
-        let scale = self.scale();
+        let (scale, is_explained) = (self.scale(), self.leaves_noise(case));
         let mine = |chi_square: f64, effect| chi_square / scale + self.price(effect, scale) + TOLD_APART;
         let limit = mine(self.train.misfit.chi_square, earned.effect);
         let joint_limit = mine(self.joint.misfit.chi_square, earned.effect);
@@ -469,6 +477,7 @@ impl Hypothesis {
         others.retain(|other| {
             let price = other.added.last().map_or(0.0, |effect| self.price(effect, scale));
             other.joint.misfit.chi_square / scale + price < joint_limit
+                && (!is_explained || other.leaves_noise(case))
         });
         others
     }

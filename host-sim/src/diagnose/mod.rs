@@ -46,6 +46,7 @@ use eha_monitor::model::state::Outputs;
 use hypothesis::Hypothesis;
 use jumps::{Jumps, Timed};
 use residual::{Description, MEASURED};
+use std::iter;
 use weighing::Earned;
 
 /// Seeds from which the declared faults are fitted where the first leaves more than noise.
@@ -231,12 +232,14 @@ impl<'a> Case<'a> {
 /// answer.
 pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
     let at_first = |what: &str, share: f64| watch(what, 0.9 * share);
-    let (mut diagnosis, best) = diagnose_in_noise(case, settings, &at_first);
+    let answer = diagnose_in_noise(case, settings, &at_first);
     if interrupt::requested() {
-        return diagnosis;
+        return answer.diagnosis;
     }
-    let is_unexplained = diagnosis.verdict == Verdict::Unexplained;
-    match diagnose_with_jumps(case, &best, settings, watch) {
+    let between = diagnose_with_jumps(case, &answer, settings, watch);
+    let is_unexplained = answer.is_unexplained();
+    let mut diagnosis = answer.diagnosis;
+    match between {
         Between::Found(other) if is_unexplained || other.verdict != Verdict::Unexplained => {
             diagnosis = *other;
         }
@@ -266,8 +269,28 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Di
     });
     let coloured = Case { records: &records, known_noise, ..*case };
     let again = |what: &str, share: f64| watch(&format!("{what}, coloured noise"), 0.9 + 0.1 * share);
-    let (other, _) = diagnose_in_noise(&coloured, settings, &again);
-    if other.verdict == Verdict::Unexplained { diagnosis } else { other }
+    let other = diagnose_in_noise(&coloured, settings, &again);
+    if other.is_unexplained() { diagnosis } else { other.diagnosis }
+}
+
+/// A diagnosis, and the models behind it.
+struct Answer {
+    diagnosis: Diagnosis,
+    model: Hypothesis,
+    /// What the fitted records alone speak for.
+    asked: Hypothesis,
+}
+
+impl Answer {
+    fn is_unexplained(&self) -> bool {
+        self.diagnosis.verdict == Verdict::Unexplained
+    }
+
+    /// The model beside which the times of jumps are fitted: where it explains nothing, they may have been wrong for what
+    /// the fitted records ask for.
+    const fn to_be_timed(&self) -> &Hypothesis {
+        if matches!(self.diagnosis.verdict, Verdict::Unexplained) { &self.asked } else { &self.model }
+    }
 }
 
 /// What records say of commands that jump between samples.
@@ -284,7 +307,7 @@ enum Between {
 /// without it.
 fn diagnose_with_jumps(
     case: &Case<'_>,
-    found: &Hypothesis,
+    without: &Answer,
     settings: &FitSettings,
     watch: Watch<'_>,
 ) -> Between {
@@ -295,15 +318,23 @@ fn diagnose_with_jumps(
     };
     let curved = Case { rig: &rig, records: &records, ..*case };
     let Some(jumps) = Jumps::of(&records) else { return Between::No };
+    let beside = |model: &Hypothesis| jumps.timed(&curved, |case| model.refitted(case));
+    let found = &without.model;
+    let mut models: Vec<&Hypothesis> = Vec::new();
+    for model in [found, without.to_be_timed()] {
+        if !model.added.is_empty() && !models.iter().any(|known| known.same_effects(model)) {
+            models.push(model);
+        }
+    }
     let alone = jumps.timed(&curved, |case| Declared::of(case, settings).root);
-    let beside_found = || jumps.timed(&curved, |case| found.refitted(case));
-    let beside_found = (!found.added.is_empty()).then(beside_found);
-    let timed: Vec<Timed> = [alone].into_iter().chain(beside_found).collect();
+    let timed: Vec<Timed> = iter::once(alone).chain(models.into_iter().map(beside)).collect();
     let scale = timed.iter().map(|timed| timed.model.scale()).fold(found.scale(), f64::min);
-    let cost = |timed: Timed| Some((timed.model.cost(scale) + timed.price()?, timed));
-    let best = timed.into_iter().filter_map(cost).min_by(|(a, _), (b, _)| a.total_cmp(b));
-    let Some((cost, mut best)) = best else { return Between::No };
-    let gain = found.cost(scale) - cost;
+    let cost = |timed: &Timed| Some(timed.model.cost(scale) + timed.price()?);
+    let best = timed.into_iter().filter_map(|timed| Some((cost(&timed)?, timed)));
+    let Some((mut least, mut best)) = best.min_by(|(a, _), (b, _)| a.total_cmp(b)) else {
+        return Between::No;
+    };
+    let gain = found.cost(scale) - least;
     if gain.abs() <= TOLD_APART && found.same_effects(&best.model) {
         return Between::Open(best.model.estimates(&best.case(&curved), None));
     }
@@ -314,12 +345,16 @@ fn diagnose_with_jumps(
         |what: &str, share: f64| watch(&format!("{what}, command jumps between samples"), 0.9 + 0.1 * share);
     let mut turn = 1;
     loop {
-        let (diagnosis, found) = diagnose_in_noise(&best.case(&curved), settings, &again);
-        if turn == MOST_TIMED || found.same_effects(&best.model) || interrupt::requested() {
+        let answer = diagnose_in_noise(&best.case(&curved), settings, &again);
+        let next = answer.to_be_timed();
+        let is_last = turn == MOST_TIMED || next.same_effects(&best.model) || interrupt::requested();
+        let next = (!is_last).then(|| beside(next));
+        let better = next.and_then(|next| Some((cost(&next)?, next))).filter(|(cost, _)| *cost < least);
+        let Some(better) = better else {
             let jumps = Some(best.jumps.times(&records));
-            return Between::Found(Box::new(Diagnosis { jumps, ..diagnosis }));
-        }
-        best = best.jumps.with(&curved, |case| found.refitted(case)).settled(&curved);
+            return Between::Found(Box::new(Diagnosis { jumps, ..answer.diagnosis }));
+        };
+        (least, best) = better;
         turn += 1;
     }
 }
@@ -329,7 +364,7 @@ fn diagnose_with_jumps(
 /// What a record does not say is what its command does between the samples: straight lines, unless a curve explains more
 /// (see [`crate::rig::CommandPath`]). Where that makes a difference to what is found on the likelier path, and the other
 /// may be it as well, that is tried too.
-fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> (Diagnosis, Hypothesis) {
+fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Answer {
     watch("fitting the declared faults", 0.0);
     let on_lines = Declared::of(case, settings);
     let Some((rig, records)) = fit::curved(case.rig, case.records) else {
@@ -341,7 +376,8 @@ fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) 
     let (lines, curve) = ((case, on_lines), (&curved, on_curve));
     let ((here, declared), (there, declared_there)) = if is_curve { (curve, lines) } else { (lines, curve) };
     let at_first = |what: &str, share: f64| watch(what, 0.6 * share);
-    let (mut diagnosis, best) = diagnose_from(here, declared, settings, &at_first);
+    let mut answer = diagnose_from(here, declared, settings, &at_first);
+    let Answer { diagnosis, model: best, .. } = &mut answer;
     let moved = best.refitted(there);
     let is_told = best.is_likelier(&moved);
     if diagnosis.verdict != Verdict::Unexplained && !is_told {
@@ -351,16 +387,13 @@ fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) 
         || diagnosis.verdict == Verdict::Adequate
         || paths_apart(&best.rig, case, &curved) < TOLD_APART * best.scale();
     if is_settled || interrupt::requested() {
-        return (diagnosis, best);
+        return answer;
     }
     let again =
         |what: &str, share: f64| watch(&format!("{what}, command on its other path"), 0.6 + 0.4 * share);
-    let (other_diagnosis, other) = diagnose_from(there, declared_there, settings, &again);
-    if other.cost(best.scale()) < best.cost(best.scale()) {
-        (other_diagnosis, other)
-    } else {
-        (diagnosis, best)
-    }
+    let other = diagnose_from(there, declared_there, settings, &again);
+    let scale = best.scale();
+    if other.model.cost(scale) < best.cost(scale) { other } else { answer }
 }
 
 /// Chi-square between what a model predicts for the same records on two paths of their command.
@@ -388,13 +421,13 @@ impl Declared {
     }
 }
 
-/// Diagnoses a case whose declared faults are fitted; beside the answer, its model.
+/// Diagnoses a case whose declared faults are fitted.
 fn diagnose_from(
     case: &Case<'_>,
     Declared { fit: mut before, root }: Declared,
     settings: &FitSettings,
     watch: Watch<'_>,
-) -> (Diagnosis, Hypothesis) {
+) -> Answer {
     // Long records are searched in excerpts; what is found is then fitted to the whole.
     let excerpts: Vec<Option<Prepared>> = case.records.iter().map(Prepared::excerpt).collect();
     let in_excerpts = excerpts.iter().any(Option::is_some);
@@ -423,7 +456,8 @@ fn diagnose_from(
         (whole, earned, none)
     };
     let open = Open { named, stand_ins, confounded };
-    (conclude(case, before, &whole, &earned, &open), whole)
+    let diagnosis = conclude(case, before, &whole, &earned, &open);
+    Answer { diagnosis, model: whole, asked: sound.asked }
 }
 
 /// An empirical term is there to predict: as long as the held-out records are predicted worse than without any, the
@@ -473,9 +507,7 @@ fn conclude(case: &Case<'_>, before: Fit, best: &Hypothesis, earned: &[Earned], 
         .zip(&open.stand_ins)
         .map(|(earned, others)| Found {
             effect: earned.effect,
-            class: std::iter::once(earned.effect)
-                .chain(others.iter().filter_map(Hypothesis::newest))
-                .collect(),
+            class: iter::once(earned.effect).chain(others.iter().filter_map(Hypothesis::newest)).collect(),
             evidence: earned.evidence,
             named: open.named,
             estimates: estimates

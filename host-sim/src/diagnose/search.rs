@@ -129,6 +129,8 @@ pub(super) struct Sound {
     /// The model with the declared faults alone.
     pub(super) root: Hypothesis,
     pub(super) best: Hypothesis,
+    /// What the fitted records alone speak for.
+    pub(super) asked: Hypothesis,
     pub(super) earned: Vec<Earned>,
     /// For each of its effects, the hypotheses with another in its place that do as well, where effects are a name.
     pub(super) stand_ins: Vec<Vec<Hypothesis>>,
@@ -138,7 +140,8 @@ impl Sound {
     fn of(case: &Case<'_>, tried: &mut Vec<Hypothesis>) -> Self {
         let (best, earned) = soundest(case, tried);
         let root = tried.iter().find(|known| known.added.is_empty()).unwrap_or(&best).clone();
-        Self { root, best, earned, stand_ins: Vec::new() }
+        let asked = asked(tried).unwrap_or(&best).clone();
+        Self { root, best, asked, earned, stand_ins: Vec::new() }
     }
 
     fn find_stand_ins(&mut self, case: &Case<'_>) {
@@ -176,4 +179,11 @@ fn soundest(case: &Case<'_>, tried: &mut Vec<Hypothesis>) -> (Hypothesis, Vec<Ea
         let (sound, earned) = hypothesis.pruned(case, tried);
         open.push((sound, Some(earned)));
     }
+}
+
+/// The hypothesis that the fitted records alone speak for.
+fn asked(tried: &[Hypothesis]) -> Option<&Hypothesis> {
+    let scales = tried.iter().map(|known| known.train.misfit.mean_square());
+    let scale = scales.fold(f64::INFINITY, f64::min).max(1.0);
+    tried.iter().min_by(|a, b| a.cost_of_fitted(scale).total_cmp(&b.cost_of_fitted(scale)))
 }
