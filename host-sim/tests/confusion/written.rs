@@ -151,3 +151,19 @@ fn coarse_steps_hide_no_more_than_the_record_with_most_noise_says() {
     };
     are_found(&[(shifted, "sensor-offset"), (clean, "nothing")]);
 }
+
+#[test]
+fn an_effect_is_found_although_the_jumps_of_the_held_out_command_are_timed_without_it_first() {
+    let stribeck = Case {
+        program: Program { path: CommandPath::Curve, later: 4.9e-4, ..Program::default() },
+        ..case(
+            1,
+            [9.6e-5, 650.0],
+            3e-6,
+            [(chirp(6e-3), 1200), (Command::Mixed, 1200)],
+            (Command::MixedStep, 1000),
+            vec![present("stribeck", 4.6, true, 1.0)],
+        )
+    };
+    are_found(&[(stribeck, "stribeck")]);
+}
