@@ -288,8 +288,8 @@ impl Answer {
 
     /// The model beside which the times of jumps are fitted: where it explains nothing, they may have been wrong for what
     /// the fitted records ask for.
-    const fn to_be_timed(&self) -> &Hypothesis {
-        if matches!(self.diagnosis.verdict, Verdict::Unexplained) { &self.asked } else { &self.model }
+    fn to_be_timed(&self) -> &Hypothesis {
+        if self.is_unexplained() { &self.asked } else { &self.model }
     }
 }
 
@@ -320,14 +320,10 @@ fn diagnose_with_jumps(
     let Some(jumps) = Jumps::of(&records) else { return Between::No };
     let beside = |model: &Hypothesis| jumps.timed(&curved, |case| model.refitted(case));
     let found = &without.model;
-    let mut models: Vec<&Hypothesis> = Vec::new();
-    for model in [found, without.to_be_timed()] {
-        if !model.added.is_empty() && !models.iter().any(|known| known.same_effects(model)) {
-            models.push(model);
-        }
-    }
+    let asked = Some(without.to_be_timed()).filter(|asked| !asked.same_effects(found));
+    let models = iter::once(found).chain(asked).filter(|model| !model.added.is_empty());
     let alone = jumps.timed(&curved, |case| Declared::of(case, settings).root);
-    let timed: Vec<Timed> = iter::once(alone).chain(models.into_iter().map(beside)).collect();
+    let timed: Vec<Timed> = iter::once(alone).chain(models.map(beside)).collect();
     let scale = timed.iter().map(|timed| timed.model.scale()).fold(found.scale(), f64::min);
     let cost = |timed: &Timed| Some(timed.model.cost(scale) + timed.price()?);
     let best = timed.into_iter().filter_map(|timed| Some((cost(&timed)?, timed)));

@@ -47,7 +47,8 @@ fn whitened(records: &[Prepared], predictions: &[Vec<Outputs<f64>>], channel: us
     all
 }
 
-/// Residuals of all channels and records, one after the other, in units of their noise; 0 where nothing is compared.
+/// Residuals of all channels and records, one after the other, in units of their noise, over the samples that are
+/// compared; 0 where one is missing.
 pub fn in_noise(records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> DVector<f64> {
     let mut all = Vec::new();
     for (record, outputs) in records.iter().zip(predictions) {
