@@ -70,30 +70,36 @@ pub(super) fn look(
 }
 
 impl Prospect {
-    /// A rough fit from the most promising place; see [`Self::rough`]. Where it leaves more than noise, valleys of what
-    /// rings are tried as well.
-    pub(super) fn approach(&self, rig: &Rig, records: &[Prepared], others: &[Vec<f64>]) -> Option<Candidate> {
-        let rough = self.rough(rig, records, others)?;
+    /// A rough fit of some steps from the most promising place; see [`Self::rough`]. Where it leaves more than noise,
+    /// valleys of what rings are tried as well.
+    pub(super) fn approach(
+        &self,
+        rig: &Rig,
+        records: &[Prepared],
+        others: &[Vec<f64>],
+        steps: u32,
+    ) -> Option<Candidate> {
+        let rough = self.rough(rig, records, others, steps)?;
         if within_noise(&rough.fit.misfit) {
             return Some(rough);
         }
         let ringing = place::ringing(&rough, rig, records);
         let ringing =
-            ringing.iter().filter_map(|place| self.from(rig, &place.ranges, &place.values, records));
+            ringing.iter().filter_map(|place| self.from(rig, &place.ranges, &place.values, records, steps));
         ringing.chain([rough]).min_by(lower)
     }
 
     /// A rough fit, from what the linear model foresees and from each place where the effect was looked for: what was free
     /// before first follows it there, because it may have been far off to make up for the effect. `others` are more
     /// values of that to start from.
-    fn rough(&self, rig: &Rig, records: &[Prepared], others: &[Vec<f64>]) -> Option<Candidate> {
+    fn rough(&self, rig: &Rig, records: &[Prepared], others: &[Vec<f64>], steps: u32) -> Option<Candidate> {
         let before = self.ranges.len() - self.effect.parameters.len();
         let followed = self.places.iter().filter_map(|Place { ranges, values }| {
             let mut there = rig.clone();
             for (range, &value) in ranges.iter().zip(values).skip(before) {
                 there.parameters.set(range.parameter, value);
             }
-            let found = fit::approach(&there, &ranges[..before], &values[..before], records)?;
+            let found = fit::approach(&there, &ranges[..before], &values[..before], records, steps)?;
             Some((found.misfit.chi_square, ranges, [&found.values, &values[before..]].concat()))
         });
         let best = followed.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, ranges, values)| (ranges, values));
@@ -104,12 +110,19 @@ impl Prospect {
         });
         let starts =
             std::iter::once((&self.ranges, self.foreseen.values.clone())).chain(best).chain(elsewhere);
-        starts.filter_map(|(ranges, start)| self.from(rig, ranges, &start, records)).min_by(lower)
+        starts.filter_map(|(ranges, start)| self.from(rig, ranges, &start, records, steps)).min_by(lower)
     }
 
     /// A rough fit from a start.
-    fn from(&self, rig: &Rig, ranges: &[Range], start: &[f64], records: &[Prepared]) -> Option<Candidate> {
-        let fit = fit::approach(rig, ranges, start, records)?;
+    fn from(
+        &self,
+        rig: &Rig,
+        ranges: &[Range],
+        start: &[f64],
+        records: &[Prepared],
+        steps: u32,
+    ) -> Option<Candidate> {
+        let fit = fit::approach(rig, ranges, start, records, steps)?;
         Some(Candidate { effect: self.effect, ranges: ranges.to_vec(), fit })
     }
 }

@@ -28,6 +28,10 @@ const MOST_APPROACHED: usize = 10;
 /// Most of them that are fitted, to the fitted records and to all: more than look alike in the position alone, so that
 /// the held-out records decide among these.
 const MOST_FITTED: usize = 8;
+/// Steps of a rough fit, and of one where none of these leads to noise: where channels say far more than the position
+/// does, the way to the bottom can be long and bent.
+const FEW_STEPS: u32 = 3;
+const MANY_STEPS: u32 = 12;
 /// Share of the misfit beyond noise that effects must take away to be named although something else is left.
 const NAMING_SHARE: f64 = 0.99;
 /// A fault whose standard error grows by this factor when an effect is fitted beside it is confounded with the effect.
@@ -266,11 +270,17 @@ impl Hypothesis {
             promising.truncate(MOST_APPROACHED);
         }
         promising.append(&mut asked);
-        let mut near: Vec<Candidate> = promising
-            .par_iter()
-            .filter(|_| !interrupt::requested())
-            .filter_map(|prospect| prospect.approach(&self.rig, case.train(), others))
-            .collect();
+        let approached = |steps| -> Vec<Candidate> {
+            promising
+                .par_iter()
+                .filter(|_| !interrupt::requested())
+                .filter_map(|prospect| prospect.approach(&self.rig, case.train(), others, steps))
+                .collect()
+        };
+        let mut near = approached(FEW_STEPS);
+        if !near.iter().any(|near| within_noise(&near.fit.misfit)) {
+            near = approached(MANY_STEPS);
+        }
         let reached = |near: &Candidate| base - near.fit.misfit.chi_square;
         let wanted = near.iter().map(reached).fold(wanted, f64::max);
         near.retain(|near| reached(near) > FORESEEN * wanted);
@@ -324,7 +334,8 @@ impl Hypothesis {
     fn elsewhere(&self, case: &Case<'_>, effect: &'static EffectInfo) -> Option<Self> {
         let signatures = Signatures::new(&self.rig, &self.ranges, case.records);
         let prospect = candidate::look(effect, &self.rig, &self.ranges, case.records, &signatures)?;
-        let all = prospect.approach(&self.rig, case.records, &[])?.finished(&self.rig, case.records)?;
+        let all =
+            prospect.approach(&self.rig, case.records, &[], FEW_STEPS)?.finished(&self.rig, case.records)?;
         let (ranges, fit) = candidate::fitted(&self.rig, all.ranges, &all.fit.values, case.train())?;
         Some(self.joined(case, Candidate { effect, ranges, fit }))
     }
@@ -370,9 +381,10 @@ impl Hypothesis {
     }
 
     /// The hypotheses with one more effect that the fitted records ask for. Where the fits of these show a better
-    /// valley of the model without them, it moves there first.
-    pub(super) fn grow(&mut self, case: &Case<'_>) -> Vec<Self> {
-        if self.is_in_doubt() {
+    /// valley of the model without them, it moves there first. Where the fitted records are explained and the held-out
+    /// ones speak against that, all of them are asked; `known` is what was fitted before.
+    pub(super) fn grow(&mut self, case: &Case<'_>, known: &[Self]) -> Vec<Self> {
+        if self.is_in_doubt() || self.is_contradicted(known) {
             let asked = self.asked_by_all(case);
             if !asked.is_empty() {
                 return asked;

@@ -16,10 +16,17 @@ const BEAM: usize = 3;
 /// left is coloured; of one that swings some hundred times, the best of the catalogue takes a tenth by chance.
 const GROWING_SHARE: f64 = 0.1;
 
-/// Grows the model with the declared faults alone by effects, and drops what does not earn its place.
-pub(super) fn search(case: &Case<'_>, root: Hypothesis, settings: &FitSettings, watch: Watch<'_>) -> Sound {
-    let mut growth = Growth { case, watch, tried: vec![root.clone()] };
-    growth.run(vec![root], [0.0, 0.6]);
+/// Grows the model with the declared faults alone by effects, and drops what does not earn its place. That model is the
+/// first of those that were fitted before.
+pub(super) fn search(
+    case: &Case<'_>,
+    fitted: Vec<Hypothesis>,
+    settings: &FitSettings,
+    watch: Watch<'_>,
+) -> Sound {
+    let root = fitted[..1].to_vec();
+    let mut growth = Growth { case, watch, tried: fitted };
+    growth.run(root, [0.0, 0.6]);
     growth.run_from_afar(settings);
     let mut tried = growth.tried;
     watch("testing what was found", 0.9);
@@ -64,7 +71,7 @@ impl Growth<'_> {
             for (index, hypothesis) in beam.iter_mut().enumerate() {
                 let share = (stage as f64 + (index as f64 + 0.5) / BEAM as f64) / MOST_EFFECTS as f64;
                 (self.watch)(&label, from + share * (to - from));
-                for new in hypothesis.grow(self.case) {
+                for new in hypothesis.grow(self.case, &self.tried) {
                     if !grown.iter().any(|known| known.same_effects(&new)) {
                         grown.push(new);
                     }

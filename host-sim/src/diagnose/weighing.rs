@@ -6,7 +6,9 @@ use super::residual::{self, MEASURED};
 use crate::fit::{self, Polished, Prepared, SMALLEST_NOISE};
 use crate::rig::Range;
 use eha_monitor::effect::EffectInfo;
+use eha_monitor::fit::identify::within_noise;
 use eha_monitor::model::state::Outputs;
+use eha_monitor::parameter::Parameter;
 use rayon::prelude::*;
 
 /// Rise of the held-out records' chi-square that chance explains (three standard deviations of one parameter: with two,
@@ -43,6 +45,12 @@ impl Hypothesis {
     /// Does every effect earn its place, as far as the model without it is known?
     pub(super) fn is_welcome(&self, case: &Case<'_>, known: &[Self]) -> bool {
         self.weakest(case, &self.weighed(known)).is_none()
+    }
+
+    /// Are the fitted records explained, but the held-out ones better without one of its effects?
+    pub(super) fn is_contradicted(&self, known: &[Self]) -> bool {
+        let is_harmful = |earned: &Earned| self.harm(&earned.without) >= HOLDOUT_CHANCE;
+        within_noise(&self.train.misfit) && self.weighed(known).iter().any(is_harmful)
     }
 
     /// Drops the effects that do not earn their place beside the others, the weakest first, but those first that are
@@ -88,18 +96,21 @@ impl Hypothesis {
         idle.min_by(|a, b| a.evidence.total_cmp(&b.evidence))
     }
 
-    /// Does the interval of an effect's size leave out that it is not there? That of all records does, and that of the
-    /// fitted ones, unless these leave open what all of them say.
+    /// Does the interval of an effect's size, its shape as it is, leave out that it is not there? That of all records does,
+    /// and that of the fitted ones, unless these leave open what all of them say.
     fn is_of_a_size(&self, case: &Case<'_>, effect: &EffectInfo) -> bool {
-        let size = effect.parameters[0];
-        let Some(index) = self.ranges.iter().position(|range| range.parameter == size) else { return true };
-        let is_told_from = |fit: &Polished, value: f64| {
-            let error = fit.standard_error(index) * self.scale().sqrt();
-            (fit.values[index] - value).abs() > SIZE_SIGMA * error
+        let index = |wanted: &Parameter| self.ranges.iter().position(|range| range.parameter == *wanted);
+        let Some(indices) = effect.parameters.iter().map(index).collect::<Option<Vec<usize>>>() else {
+            return true;
         };
-        let none = case.rig.parameters.get(size);
+        let size = indices[0];
+        let is_told_from = |fit: &Polished, value: f64| {
+            let error = fit.standard_error_beside(&indices) * self.scale().sqrt();
+            (fit.values[size] - value).abs() > SIZE_SIGMA * error
+        };
+        let none = case.rig.parameters.get(effect.parameters[0]);
         is_told_from(&self.joint, none)
-            && (is_told_from(&self.train, none) || !is_told_from(&self.train, self.joint.values[index]))
+            && (is_told_from(&self.train, none) || !is_told_from(&self.train, self.joint.values[size]))
     }
 
     /// By how much the held-out records' chi-square is above that of another model.

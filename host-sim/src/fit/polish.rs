@@ -6,6 +6,7 @@ use crate::rig::{Range, Rig};
 use eha_monitor::fit::gauss_newton::{Normal, Settings, finish, normal_equations};
 use eha_monitor::fit::problem::{Misfit, Problem};
 use eha_monitor::integrate::Stepper;
+use nalgebra::DMatrix;
 
 /// The result of a polish.
 #[derive(Clone, Debug)]
@@ -24,6 +25,18 @@ impl Polished {
         self.covariance[index][index].sqrt()
     }
 
+    /// Standard error of the first of some values for white noise, where the others are what they are.
+    ///
+    /// # Panics
+    ///
+    /// Without any value.
+    pub fn standard_error_beside(&self, indices: &[usize]) -> f64 {
+        let (count, of) =
+            (indices.len(), |row: usize, column: usize| self.covariance[indices[row]][indices[column]]);
+        let told = DMatrix::from_fn(count, count, of).try_inverse();
+        told.map_or_else(|| self.standard_error(indices[0]), |told| told[(0, 0)].recip().sqrt())
+    }
+
     /// The rig with the values in it.
     pub fn applied(&self, rig: &Rig, ranges: &[Range]) -> Rig {
         let mut rig = rig.clone();
@@ -34,8 +47,6 @@ impl Polished {
     }
 }
 
-/// Steps of an approach.
-const FIRST_STEPS: u32 = 3;
 /// A step is made if it promises to lower chi-square by this much, in units of the mean square that is left.
 const WORTH_A_STEP: f64 = 0.05;
 /// Widest forward difference, in standard errors of the parameter: what is found with a wider one is fitted again in a
@@ -47,9 +58,15 @@ const NARROW: f64 = 100.0;
 /// the interval of the others may ask for a long way in its own.
 const MOST_NARROWED: usize = 8;
 
-/// A few steps towards the bottom of the basin, with the tolerance of a look.
-pub fn approach(rig: &Rig, ranges: &[Range], start: &[f64], records: &[Prepared]) -> Option<Polished> {
-    on_records(rig, ranges, records, LOOK_TOLERANCE, Polish { start, steps: FIRST_STEPS })
+/// Some steps towards the bottom of the basin, with the tolerance of a look.
+pub fn approach(
+    rig: &Rig,
+    ranges: &[Range],
+    start: &[f64],
+    records: &[Prepared],
+    steps: u32,
+) -> Option<Polished> {
+    on_records(rig, ranges, records, LOOK_TOLERANCE, Polish { start, steps })
 }
 
 /// Goes to the bottom of the basin; none where the records hold nothing to compare.
