@@ -203,3 +203,30 @@ impl Job for Polish<'_> {
         (misfit.count > 0).then(|| polished(problem, &found.genes, &found.normal, misfit))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_trades_off_with_a_value_does_not_widen_its_error_beside_it() {
+        // A size of 2 that a scale makes up for: each is told badly, the size at that scale ten times better.
+        let (size, scale, correlation) = (1.5_f64, 3.0_f64, 0.995_f64);
+        let shared = correlation * size * scale;
+        let polished = Polished {
+            values: vec![0.0, 2.0, 1.0],
+            misfit: Misfit { chi_square: 1.0, count: 1 },
+            covariance: vec![
+                vec![4.0, 0.0, 0.0],
+                vec![0.0, size * size, shared],
+                vec![0.0, shared, scale * scale],
+            ],
+        };
+        let beside = polished.standard_error_beside(&[1, 2]);
+        assert!((beside - size * (1.0 - correlation * correlation).sqrt()).abs() < 1e-9, "{beside}");
+        assert!(beside < 0.11 * polished.standard_error(1), "{beside}");
+        assert!((polished.standard_error_beside(&[1]) - size).abs() < 1e-12);
+        // What is told independently widens nothing either way.
+        assert!((polished.standard_error_beside(&[1, 0]) - size).abs() < 1e-12);
+    }
+}
