@@ -180,7 +180,7 @@ impl Hypothesis {
             inflated,
         );
         let cost =
-            case.jumps.and_then(|jumps| jumps.cost(&self.rig, &self.ranges, &self.train, case.train()));
+            case.timed.and_then(|timed| timed.jumps.cost(&self.rig, &self.ranges, &self.train, case.train()));
         let widening = cost.map_or_else(|| vec![1.0; errors.len()], |cost| cost.widening);
         let values = self.ranges.iter().zip(&self.train.values).zip(iter::zip(errors, widening));
         values.map(|((range, &value), (error, wider))| Estimate::new(range, value, wider * error)).collect()

@@ -104,9 +104,9 @@ impl Timed {
         Some((jumps, values))
     }
 
-    /// The case that is left: with the times known.
+    /// The case that is left: with the times known, and the model.
     pub(super) fn case<'a>(&'a self, case: &Case<'a>) -> Case<'a> {
-        Case { records: &self.records, jumps: Some(&self.jumps), ..*case }
+        Case { records: &self.records, timed: Some(self), ..*case }
     }
 
     /// What the times must gain beside the model; none where the records do not tell what is free.

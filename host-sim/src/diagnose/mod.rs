@@ -173,8 +173,8 @@ pub struct Case<'a> {
     /// What a prediction of each channel may be off without anything being missing: the model's own error, and what is
     /// lost to the steps in which the commands were recorded and the sensors are read.
     pub model_error: [f64; MEASURED],
-    /// The jumps of their commands, where the times of these were fitted.
-    jumps: Option<&'a Jumps>,
+    /// The jumps of their commands, and the model beside which their times were fitted, where they were.
+    timed: Option<&'a Timed>,
 }
 
 impl<'a> Case<'a> {
@@ -194,7 +194,7 @@ impl<'a> Case<'a> {
             fitted,
             known_noise: Channel::MEASURED.map(|channel| rig.noise_of(channel)),
             model_error: std::array::from_fn(error),
-            jumps: None,
+            timed: None,
         }
     }
 
@@ -232,7 +232,7 @@ impl<'a> Case<'a> {
 /// answer.
 pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
     let at_first = |what: &str, share: f64| watch(what, 0.9 * share);
-    let answer = diagnose_in_noise(case, None, settings, &at_first);
+    let answer = diagnose_in_noise(case, settings, &at_first);
     if interrupt::requested() {
         return answer.diagnosis;
     }
@@ -269,7 +269,7 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Di
     });
     let coloured = Case { records: &records, known_noise, ..*case };
     let again = |what: &str, share: f64| watch(&format!("{what}, coloured noise"), 0.9 + 0.1 * share);
-    let other = diagnose_in_noise(&coloured, None, settings, &again);
+    let other = diagnose_in_noise(&coloured, settings, &again);
     if other.is_unexplained() { diagnosis } else { other.diagnosis }
 }
 
@@ -341,7 +341,7 @@ fn diagnose_with_jumps(
         |what: &str, share: f64| watch(&format!("{what}, command jumps between samples"), 0.9 + 0.1 * share);
     let mut turn = 1;
     loop {
-        let answer = diagnose_in_noise(&best.case(&curved), Some(&best.model), settings, &again);
+        let answer = diagnose_in_noise(&best.case(&curved), settings, &again);
         let next = answer.to_be_timed();
         let is_last = turn == MOST_TIMED || next.same_effects(&best.model) || interrupt::requested();
         let next = (!is_last).then(|| beside(next));
@@ -359,17 +359,12 @@ fn diagnose_with_jumps(
 ///
 /// What a record does not say is what its command does between the samples: straight lines, unless a curve explains more
 /// (see [`crate::rig::CommandPath`]). Where that makes a difference to what is found on the likelier path, and the other
-/// may be it as well, that is tried too. A model that was fitted to the records before is one of those that are weighed.
-fn diagnose_in_noise(
-    case: &Case<'_>,
-    known: Option<&Hypothesis>,
-    settings: &FitSettings,
-    watch: Watch<'_>,
-) -> Answer {
+/// may be it as well, that is tried too.
+fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Answer {
     watch("fitting the declared faults", 0.0);
     let on_lines = Declared::of(case, settings);
     let Some((rig, records)) = fit::curved(case.rig, case.records) else {
-        return diagnose_from(case, on_lines, known, settings, watch);
+        return diagnose_from(case, on_lines, settings, watch);
     };
     let curved = Case { rig: &rig, records: &records, ..*case };
     let on_curve = Declared::of(&curved, settings);
@@ -377,7 +372,7 @@ fn diagnose_in_noise(
     let (lines, curve) = ((case, on_lines), (&curved, on_curve));
     let ((here, declared), (there, declared_there)) = if is_curve { (curve, lines) } else { (lines, curve) };
     let at_first = |what: &str, share: f64| watch(what, 0.6 * share);
-    let mut answer = diagnose_from(here, declared, known, settings, &at_first);
+    let mut answer = diagnose_from(here, declared, settings, &at_first);
     let Answer { diagnosis, model: best, .. } = &mut answer;
     let moved = best.refitted(there);
     let is_told = best.is_likelier(&moved);
@@ -392,7 +387,7 @@ fn diagnose_in_noise(
     }
     let again =
         |what: &str, share: f64| watch(&format!("{what}, command on its other path"), 0.6 + 0.4 * share);
-    let other = diagnose_from(there, declared_there, known, settings, &again);
+    let other = diagnose_from(there, declared_there, settings, &again);
     let scale = best.scale();
     if other.model.cost(scale) < best.cost(scale) { other } else { answer }
 }
@@ -422,11 +417,11 @@ impl Declared {
     }
 }
 
-/// Diagnoses a case whose declared faults are fitted, and maybe another model.
+/// Diagnoses a case whose declared faults are fitted. A model beside which the times of its jumps were fitted is one of
+/// those that are weighed.
 fn diagnose_from(
     case: &Case<'_>,
     Declared { fit: mut before, root }: Declared,
-    known: Option<&Hypothesis>,
     settings: &FitSettings,
     watch: Watch<'_>,
 ) -> Answer {
@@ -438,10 +433,10 @@ fn diagnose_from(
         .zip(case.records)
         .map(|(excerpt, whole)| excerpt.unwrap_or_else(|| whole.clone()))
         .collect();
-    let searched = Case { records: &searched, jumps: None, ..*case };
-    let fitted = iter::once(&root).chain(known.filter(|known| !known.same_effects(&root)));
-    let in_them = |model: &Hypothesis| if in_excerpts { model.refitted(&searched) } else { model.clone() };
-    let sound = search::search(&searched, fitted.map(in_them).collect(), settings, watch);
+    let searched = Case { records: &searched, timed: None, ..*case };
+    let in_them = |model: Hypothesis| if in_excerpts { model.refitted(&searched) } else { model };
+    let known = case.timed.map(|timed| timed.model.clone()).filter(|known| !known.added.is_empty());
+    let sound = search::search(&searched, in_them(root), known.map(in_them), settings, watch);
     let Hypothesis { ranges, train: Polished { values, .. }, .. } = &sound.root;
     let there = fit::misfit(case.rig, ranges, values, case.train());
     if there.chi_square < before.misfit.chi_square - BETTER_VALLEY {

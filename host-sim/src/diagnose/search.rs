@@ -5,6 +5,7 @@ use super::weighing::Earned;
 use super::{Case, Watch};
 use crate::fit::{FitSettings, TOLD_APART};
 use crate::interrupt;
+use std::iter;
 
 /// Most effects that are added.
 const MOST_EFFECTS: usize = 5;
@@ -16,17 +17,18 @@ const BEAM: usize = 3;
 /// left is coloured; of one that swings some hundred times, the best of the catalogue takes a tenth by chance.
 const GROWING_SHARE: f64 = 0.1;
 
-/// Grows the model with the declared faults alone by effects, and drops what does not earn its place. That model is the
-/// first of those that were fitted before.
+/// Grows the model with the declared faults alone by effects, and drops what does not earn its place. What is found is
+/// weighed against a model that is known already, if there is one.
 pub(super) fn search(
     case: &Case<'_>,
-    fitted: Vec<Hypothesis>,
+    root: Hypothesis,
+    known: Option<Hypothesis>,
     settings: &FitSettings,
     watch: Watch<'_>,
 ) -> Sound {
-    let root = fitted[..1].to_vec();
-    let mut growth = Growth { case, watch, tried: fitted };
-    growth.run(root, [0.0, 0.6]);
+    let tried = iter::once(root.clone()).chain(known).collect();
+    let mut growth = Growth { case, watch, tried };
+    growth.run(vec![root], [0.0, 0.6]);
     growth.run_from_afar(settings);
     let mut tried = growth.tried;
     watch("testing what was found", 0.9);

@@ -31,9 +31,8 @@ impl Polished {
     ///
     /// Without any value.
     pub fn standard_error_beside(&self, indices: &[usize]) -> f64 {
-        let (count, of) =
-            (indices.len(), |row: usize, column: usize| self.covariance[indices[row]][indices[column]]);
-        let told = DMatrix::from_fn(count, count, of).try_inverse();
+        let shared = |row: usize, column: usize| self.covariance[indices[row]][indices[column]];
+        let told = DMatrix::from_fn(indices.len(), indices.len(), shared).try_inverse();
         told.map_or_else(|| self.standard_error(indices[0]), |told| told[(0, 0)].recip().sqrt())
     }
 
