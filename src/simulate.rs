@@ -150,15 +150,19 @@ impl<T: Real> Actuator<T> {
         mut show: impl FnMut(usize, T, &Outputs<T>),
     ) -> usize {
         let Motion { run, user, lvdt } = motion;
-        let (mode, half) = (run.mode, self.model.half_backlash());
+        let half = self.model.half_backlash();
         let mut sample = 0;
         stepper.enter(&self.model, run);
         let next = |done: u32| commands.get(done as usize).copied();
-        let done = stepper.glide(run, command, next, |state, input| {
-            let ram = state.ground();
-            *user = play(ram, *user, half);
-            let outputs = self.outputs(lvdt, *user, &mode, state, input);
-            show(sample, ram, &outputs);
+        let done = stepper.glide(run, command, u32::MAX, next, |passing| {
+            *user = play(passing.ram, *user, half);
+            let outputs = Outputs {
+                user: self.lvdt.sample(lvdt, *user),
+                ram: passing.ram,
+                current: passing.current,
+                pressure: passing.pressure,
+            };
+            show(sample, passing.ram, &outputs);
             sample += 1;
         });
         done as usize

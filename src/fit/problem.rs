@@ -13,7 +13,7 @@ use crate::scalar::Real;
 pub const MEASURED: usize = Channel::MEASURED.len();
 
 /// Samples between two looks at whether a misfit is above its bound.
-const BETWEEN_LOOKS: usize = 50;
+const BETWEEN_LOOKS: usize = 24;
 
 /// State and time in which a stretch of a record starts.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -107,10 +107,16 @@ impl<'a, T: Real> Record<'a, T> {
         !self.force.is_empty() || self.law.is_some()
     }
 
+    /// Samples from one on, in its stretch, that are not compared with the model, while the start is forgotten.
+    #[inline]
+    fn settling(&self, sample: usize) -> usize {
+        if self.settle == 0 { 0 } else { self.settle.saturating_sub(sample % self.stretch.max(1)) }
+    }
+
     /// Is a sample compared with the model?
     #[inline]
     pub fn is_compared(&self, sample: usize) -> bool {
-        self.settle == 0 || sample % self.stretch.max(1) >= self.settle
+        self.settling(sample) == 0
     }
 
     /// What of it is compared with the model.
@@ -189,6 +195,24 @@ impl<T: Real> Compared<'_, T> {
         value.finite().then(|| (value - outputs.to_array()[channel]) * self.weights[channel])
     }
 
+    /// Sums over the residuals of a channel at the samples from one on for which there is a prediction, without those
+    /// that are missing.
+    fn sums(&self, channel: usize, first: usize, predicted: &[T]) -> Sums<T> {
+        let values = self.values[channel].get(first..).unwrap_or_default();
+        let mut sums = Sums { level: Offset::NONE, squares: T::ZERO };
+        for (&value, &predicted) in values.iter().zip(predicted) {
+            if value.finite() {
+                let residual = value - predicted;
+                sums.level.add(residual);
+                sums.squares += residual * residual;
+            }
+        }
+        let weight = self.weights[channel];
+        sums.level.sum *= weight;
+        sums.squares *= weight * weight;
+        sums
+    }
+
     /// Residuals of all channels at a sample, in units of their noise; 0 with `false` where there is none.
     #[inline(always)]
     pub fn residuals(&self, sample: usize, outputs: &Outputs<T>) -> [(T, bool); MEASURED] {
@@ -197,6 +221,13 @@ impl<T: Real> Compared<'_, T> {
             None => (T::ZERO, false),
         })
     }
+}
+
+/// Sums over residuals in units of their noise.
+struct Sums<T> {
+    level: Offset<T>,
+    /// Sum of squares.
+    squares: T,
 }
 
 /// Residual of a record's user position, summed: what an unknown offset can take away of chi-square, and what is to be
@@ -218,6 +249,12 @@ impl<T: Real> Offset<T> {
     pub fn add(&mut self, residual: T) {
         self.sum += residual;
         self.count += 1;
+    }
+
+    /// Adds the residuals of other samples.
+    fn join(&mut self, other: &Self) {
+        self.sum += other.sum;
+        self.count += other.count;
     }
 
     /// Mean of the residual; 0 where there is none.
@@ -284,6 +321,7 @@ impl<T: Real> Problem<'_, T> {
         let model = self.model(genes);
         let mut misfit = Misfit { chi_square: T::ZERO, count: 0 };
         let mut rig_changed = self.moves_dynamics();
+        let mut predicted = [[T::ZERO; BETWEEN_LOOKS]; MEASURED];
         for record in self.records {
             stepper.begin(record.sample_period, record.has_force(), rig_changed);
             rig_changed = false;
@@ -291,20 +329,27 @@ impl<T: Real> Problem<'_, T> {
             let compared = record.compared();
             let mut offset = Offset::NONE;
             while walk.has_next(record) {
-                walk.lead_on(record, stepper, &mut [], BETWEEN_LOOKS, |sample, outputs, _| {
-                    if !record.is_compared(sample) {
-                        return;
-                    }
-                    for channel in 0..MEASURED {
-                        if let Some(residual) = compared.residual(channel, sample, outputs) {
-                            misfit.chi_square += residual * residual;
-                            misfit.count += 1;
-                            if record.offset_unknown && channel == Offset::<T>::CHANNEL {
-                                offset.add(residual);
-                            }
+                let (mut first, mut filled) = (0, 0);
+                let most = walk.left(record).min(BETWEEN_LOOKS);
+                walk.lead_on(record, stepper, &mut [], most, |sample, outputs, _| {
+                    for (channel, output) in predicted.iter_mut().zip(outputs.to_array()) {
+                        if let Some(place) = channel.get_mut(filled) {
+                            *place = output;
                         }
                     }
+                    filled += 1;
+                    first = sample + 1 - filled;
                 });
+                let settling = record.settling(first);
+                for (channel, predicted) in predicted.iter().enumerate() {
+                    let predicted = predicted.get(settling..filled).unwrap_or_default();
+                    let sums = compared.sums(channel, first + settling, predicted);
+                    misfit.chi_square += sums.squares;
+                    misfit.count += sums.level.count;
+                    if record.offset_unknown && channel == Offset::<T>::CHANNEL {
+                        offset.join(&sums.level);
+                    }
+                }
                 if misfit.chi_square - offset.square() > bound {
                     break;
                 }

@@ -129,6 +129,11 @@ impl<T: Real> Walk<T> {
         self.sample < record.command.len()
     }
 
+    /// Samples to come before the walk starts anew.
+    pub fn left(&self, record: &Record<'_, T>) -> usize {
+        if self.left == 0 { record.stretch.max(1) } else { self.left }
+    }
+
     /// Predicts the next samples, at most a number of them, and shows each: its index, what the channels show, and the
     /// followers.
     #[inline]

@@ -5,16 +5,20 @@
 //! around an event.
 
 use super::ladder::{self, Cache, Growth, Rung};
-use super::{Run, Step, Stepper};
+use super::{LONGEST_PIECE, Run, Step, Stepper};
 use crate::model::Model;
-use crate::model::corridor::{Corridor, ERROR, Passage, Watched};
-use crate::model::state::{Input, Mode, State};
+use crate::model::corridor::{Corridor, ERROR, Passage, Passing, Watched};
+use crate::model::state::{FLAPPER, Input, Mode, State};
 use crate::scalar::Real;
 
 /// Lengths of step on a ladder of the plain loop: 1, 1/4 and 1/16 ms.
 pub const PLAIN: usize = 3;
 /// Lengths on a ladder of a model with every state: a play of the current opens and closes within 1/16 ms.
 pub const FINE: usize = 4;
+
+/// Most samples between two looks at the corridor. They cannot be parted.
+const LONGEST_STRIDE: u32 = 8;
+const _: () = assert!(LONGEST_STRIDE <= LONGEST_PIECE);
 
 /// The steps of one mode.
 #[derive(Clone, Debug)]
@@ -99,49 +103,88 @@ impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Stepper<T
         &self,
         run: &mut Run<T>,
         mut command: T,
+        most: u32,
         mut commands: impl FnMut(u32) -> Option<T>,
-        mut see: impl FnMut(&State<T>, &Input<T>),
+        mut see: impl FnMut(&Passing<T>),
     ) -> u32 {
         let (Some(corridor), Some(ladder)) = (&self.corridor, self.cache.ladder()) else { return 0 };
         let (Some(rung), Some(terms)) = (ladder.0.last(), self.cache.terms.last()) else { return 0 };
-        if self.cache.units != Self::FINEST_PER_COARSEST || run.stride != Self::FINEST_PER_COARSEST {
+        let mut stride = run.stride / Self::FINEST_PER_COARSEST;
+        if self.cache.units != Self::FINEST_PER_COARSEST || stride * Self::FINEST_PER_COARSEST != run.stride {
             return 0;
         }
         let layout = self.cache.layout;
-        let (mut state, mut swing, mut has_margin) = (run.state, run.swing, run.has_margin);
+        let (mut state, mut swing, mut has_margin, mut wary) =
+            (run.state, run.swing, run.has_margin, run.wary);
         let mut here = corridor.watched(&state, &Input { command, ..Input::default() });
-        let mut done = 0;
-        while let Some(next) = commands(done) {
-            let command_rate = (next - command) * self.cache.sample_rate;
-            // A mode with a corridor has no spring load.
-            let there =
-                state.moved(&rung.change_anywhere(terms, layout, &state, here[ERROR], command_rate), &layout);
-            let input = Input { command: next, command_rate, force: T::ZERO };
-            let after = corridor.watched(&there, &input);
+        let mut passed = [Passing::default(); LONGEST_STRIDE as usize];
+        let (mut done, mut steps) = (0, 0);
+        while steps < most {
+            let (mut there, mut at, mut error) = (state, command, here[ERROR]);
+            let (mut count, mut way) = (0, [T::ZERO; 2]);
+            for place in passed.iter_mut().take(stride as usize) {
+                let Some(next) = commands(done + count) else { break };
+                let command_rate = (next - at) * self.cache.sample_rate;
+                // A mode with a corridor has no spring load.
+                let step = rung.change_anywhere(terms, layout, &there, error, command_rate);
+                there = there.moved(&step, &layout);
+                at = next;
+                let error_before = error;
+                error = (at - there.ram) - there.ram_rest;
+                way = [way[0] + (error - error_before).magnitude(), way[1] + step[FLAPPER].magnitude()];
+                *place = corridor.passing(&there, error);
+                count += 1;
+            }
+            steps += count;
+            if count == 0 {
+                break;
+            }
+            if count < stride {
+                (swing, has_margin) = corridor.rescaled(&{ here }, &{ swing }, [stride, count]);
+                stride = count;
+            }
+            let after = corridor.watched(&there, &Input { command: at, ..Input::default() });
             let change: Watched<T> = core::array::from_fn(|index| after[index] - here[index]);
-            let is_clear = has_margin && corridor.is_clear(&after, &change, &swing);
+            let detour = corridor.detour(way, [error - here[ERROR], there.flapper - state.flapper]);
+            let is_clear = has_margin
+                && corridor.is_clear(&after, &change, &swing, &detour)
+                && corridor.allows(&here, &detour);
             if !is_clear {
                 // Copies, so that these live in registers elsewhere.
-                let (here, after, swing, change) = ({ here }, { after }, { swing }, { change });
-                match corridor.passage(&here, &after, &swing, true) {
-                    Passage::Clear => has_margin = corridor.has_margin(&after, &change),
-                    Passage::Close => break,
-                    Passage::Left => {
-                        run.entry = Self::TOP.saturating_sub(1);
+                let (from, to, before, after, detour) =
+                    ({ here }, { after }, { swing }, { change }, { detour });
+                match corridor.passage(&from, &to, &before, &detour, true) {
+                    Passage::Clear => has_margin = corridor.has_margin(&to, &after),
+                    _ if stride > 1 => {
+                        (swing, has_margin) = corridor.rescaled(&from, &before, [stride, 1]);
+                        (wary, stride) = (stride, 1);
+                        continue;
+                    }
+                    passage => {
+                        if passage == Passage::Left {
+                            run.entry = Self::TOP.saturating_sub(1);
+                        }
+                        // It counts where it is taken in parts.
+                        (steps, wary) = (steps - count, 0);
                         break;
                     }
                 }
             }
-            (command, state, here, swing) = (next, there, after, change);
-            done += 1;
-            see(&state, &input);
+            (command, state, here, swing) = (at, there, after, change);
+            (done, wary) = (done + count, wary.saturating_sub(count));
+            passed.iter().take(count as usize).for_each(&mut see);
+            if wary == 0 && stride < LONGEST_STRIDE && has_margin && corridor.has_room(&{ here }, &{ swing })
+            {
+                (swing, stride) = (swing.map(|change| change + change), stride + stride);
+            }
         }
+        (run.swing, run.has_margin, run.wary) = (swing, has_margin, wary);
+        run.stride = stride * Self::FINEST_PER_COARSEST;
         if done > 0 {
             run.state.take_base(&state);
-            (run.swing, run.has_margin) = (swing, has_margin);
             run.has_guards = false;
-            run.steps = run.steps.wrapping_add(done);
         }
+        run.steps = run.steps.wrapping_add(steps);
         done
     }
 

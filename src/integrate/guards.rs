@@ -89,20 +89,22 @@ impl<T: Real> Guards<T> {
 
     /// The guard that is crossed first, and the fraction of the step at which it is, by linear interpolation.
     pub(super) fn first_crossing(&self, after: &Self) -> Option<(usize, T)> {
-        let is_positive = |&value: &T| value >= T::ZERO;
-        if after.plain.iter().all(is_positive) && after.extra.iter().all(is_positive) {
-            return None;
-        }
-        let before = self.plain.iter().chain(&self.extra);
-        let mut first: Option<(usize, T)> = None;
-        for (index, (&before, &after)) in before.zip(after.plain.iter().chain(&after.extra)).enumerate() {
-            if Model::<T>::is_violated(index, before, after) {
+        let mut first = None;
+        Self::look_for_crossing(&mut first, 0, &self.plain, &after.plain);
+        Self::look_for_crossing(&mut first, LOOP_GUARDS, &self.extra, &after.extra);
+        first
+    }
+
+    /// Looks for one that is crossed earlier among some of the guards, of which the first has a number.
+    #[inline(never)]
+    fn look_for_crossing(first: &mut Option<(usize, T)>, number: usize, before: &[T], after: &[T]) {
+        for (index, (&before, &after)) in (number..).zip(before.iter().zip(after)) {
+            if after < T::ZERO && Model::<T>::is_violated(index, before, after) {
                 let fraction = if before > T::ZERO { before / (before - after) } else { T::ZERO };
                 if first.is_none_or(|(_, earliest)| fraction < earliest) {
-                    first = Some((index, fraction));
+                    *first = Some((index, fraction));
                 }
             }
         }
-        first
     }
 }

@@ -13,7 +13,7 @@ mod ladder;
 pub mod midpoint;
 
 use crate::model::Model;
-use crate::model::corridor::{Corridor, Passage, WATCHED, Watched};
+use crate::model::corridor::{Corridor, Detour, Passage, Passing, WATCHED, Watched};
 use crate::model::state::{FULL_ORDER, Input, InputSegment, Mode, State};
 use crate::scalar::Real;
 use crossing::{EVENTS_PER_STEP, cross};
@@ -43,6 +43,8 @@ pub struct Run<T> {
     stride: u32,
     /// Has the place the margins that such a swing asks for?
     has_margin: bool,
+    /// Samples that are to be looked at one by one, because a look at all of them was not enough.
+    wary: u32,
     /// Finest steps since the last event.
     calm: u32,
     /// Coarsest level with which the next sample may begin.
@@ -67,6 +69,7 @@ impl<T: Real> Run<T> {
         swing: [T::ZERO; WATCHED],
         stride: 0,
         has_margin: false,
+        wary: 0,
         entry: 0,
         calm: 0,
         ceiling: 0,
@@ -86,6 +89,7 @@ impl<T: Real> Run<T> {
             swing: [T::ZERO; WATCHED],
             stride: 1,
             has_margin: false,
+            wary: 0,
             entry: usize::MAX,
             calm: u32::MAX,
             ceiling: usize::MAX,
@@ -99,10 +103,8 @@ impl<T: Real> Run<T> {
     /// Turns to steps of another length.
     #[inline(never)]
     fn change_stride(&mut self, size: u32, corridor: &Corridor<T>, watched: &Watched<T>) {
-        let ratio = T::from_count(size) / T::from_count(self.stride);
-        self.swing = self.swing.map(|value| value * ratio);
+        (self.swing, self.has_margin) = corridor.rescaled(watched, &self.swing, [self.stride, size]);
         self.stride = size;
-        self.has_margin = corridor.has_margin(watched, &self.swing);
     }
 
     /// Makes up for the guards of steps that kept to a corridor.
@@ -236,16 +238,19 @@ pub trait Stepper<T: Real> {
         [T::ONE / T::ZERO; WATCHED]
     }
 
-    /// Takes a run over whole samples as long as each is one step that keeps to the corridor of the mode that was
+    /// Takes a run over whole samples, each of them one step, as long as they keep to the corridor of the mode that was
     /// entered last; returns their number. `command` is that at the start, `commands` gives that at the end of each
-    /// sample (none: enough), `see` is shown the state and the input there. The usual case, at half its price elsewhere.
+    /// sample (none: enough), `see` is shown what there is to see. No piece is begun once `most` steps have been taken, those
+    /// included that are taken again because a look at several samples was not enough. The usual case, at half its price
+    /// elsewhere.
     #[inline(always)]
     fn glide(
         &self,
         _run: &mut Run<T>,
         _command: T,
+        _most: u32,
         _commands: impl FnMut(u32) -> Option<T>,
-        _see: impl FnMut(&State<T>, &Input<T>),
+        _see: impl FnMut(&Passing<T>),
     ) -> u32 {
         0
     }
@@ -481,9 +486,13 @@ fn attempt<T: Real, S: Stepper<T>>(
             run.change_stride(size, corridor, &before);
         }
         let change: Watched<T> = core::array::from_fn(|index| after[index] - before[index]);
-        let is_clear = run.has_margin && corridor.is_clear(&after, &change, &run.swing);
-        let passage =
-            if is_clear { Passage::Clear } else { corridor.passage(&before, &after, &run.swing, level > 0) };
+        let straight = Detour::default();
+        let is_clear = run.has_margin && corridor.is_clear(&after, &change, &run.swing, &straight);
+        let passage = if is_clear {
+            Passage::Clear
+        } else {
+            corridor.passage(&before, &after, &run.swing, &straight, level > 0)
+        };
         match passage {
             Passage::Clear => {
                 run.state.take_base(&state);

@@ -21,9 +21,28 @@ const RAM: usize = 3;
 const RAM_VELOCITY: usize = 4;
 const PRESSURE: usize = 5;
 
-/// The quantities at one place: position error (command minus ram, m), flapper, spool and ram position (m), ram
-/// velocity (m/s), and differential pressure of the linear form before its limit (Pa).
+/// The quantities at one place: position error (command minus ram, m), flapper position (m) or, where it is at its stop,
+/// the force that holds it there (N), spool and ram position (m), ram velocity (m/s), and differential pressure of the
+/// linear form before its limit (Pa).
 pub type Watched<T> = [T; WATCHED];
+
+/// What the channels see of a place in a mode that has a corridor.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Passing<T> {
+    /// Ram position, m.
+    pub ram: T,
+    /// Current, mA.
+    pub current: T,
+    /// Differential pressure, Pa.
+    pub pressure: T,
+}
+
+/// How much further than a straight way from one place to the next what is fast went in between: position error (m),
+/// and what is watched of the flapper. The others follow the flapper in one direction as long as it stays in its bounds.
+pub type Detour<T> = [T; 2];
+
+/// A law of one quantity in one mode: its value at zero, and its slope.
+type Line<T> = [T; 2];
 
 /// The bounds of one mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,8 +52,13 @@ pub struct Corridor<T> {
     /// Pressure of the linear form for each m of spool position, Pa/m, and for each m/s of ram velocity, Pa s/m.
     by_spool: T,
     by_velocity: T,
+    /// What is watched of the flapper, for each m of its position, of the position error and of the spool position.
+    flapper: [T; 3],
     /// Flapper position that rounding may make up, m.
     slack: T,
+    /// Current by position error, mA; differential pressure by that of the linear form, Pa: at their limits the limits.
+    current: Line<T>,
+    pressure: Line<T>,
 }
 
 /// How a step went from one place to the next, the least first.
@@ -53,8 +77,26 @@ impl<T: Real> Corridor<T> {
     #[inline(always)]
     pub fn watched(&self, z: &State<T>, input: &Input<T>) -> Watched<T> {
         let error = (input.command - z.ram) - z.ram_rest;
-        let pressure = self.by_spool * z.spool + self.by_velocity * z.ram_velocity;
-        [error, z.flapper, z.spool, z.ram, z.ram_velocity, pressure]
+        let [by_position, by_error, by_spool] = self.flapper;
+        let flapper = by_position * z.flapper + by_error * error + by_spool * z.spool;
+        [error, flapper, z.spool, z.ram, z.ram_velocity, self.linear_pressure(z)]
+    }
+
+    /// What the channels see at a state with a position error, m.
+    #[inline(always)]
+    pub fn passing(&self, z: &State<T>, error: T) -> Passing<T> {
+        let ([current, by_error], [pressure, by_pressure]) = (self.current, self.pressure);
+        Passing {
+            ram: z.ram,
+            current: current + by_error * error,
+            pressure: pressure + by_pressure * self.linear_pressure(z),
+        }
+    }
+
+    /// Differential pressure of the linear form before its limit, Pa.
+    #[inline(always)]
+    fn linear_pressure(&self, z: &State<T>) -> T {
+        self.by_spool * z.spool + self.by_velocity * z.ram_velocity
     }
 
     /// Does nothing leave its bounds on the way from one place to the next? At a glance, the usual case.
@@ -63,17 +105,62 @@ impl<T: Real> Corridor<T> {
     /// points dips by an eighth of its fall over the first two; twice that is looked out for: with `swing`, the change
     /// over a step of the same length before, and with `change` on behalf of the step that follows.
     #[inline(always)]
-    pub fn is_clear(&self, to: &Watched<T>, change: &Watched<T>, swing: &Watched<T>) -> bool {
+    pub fn is_clear(
+        &self,
+        to: &Watched<T>,
+        change: &Watched<T>,
+        swing: &Watched<T>,
+        detour: &Detour<T>,
+    ) -> bool {
         let margins = core::array::from_fn(|index| {
-            (change[index].magnitude() + swing[index].magnitude()) * T::literal(0.25)
+            let margin = (change[index].magnitude() + swing[index].magnitude()) * T::literal(0.25);
+            if index < detour.len() { margin + detour[index] } else { margin }
         });
         self.holds(to, &margins)
+    }
+
+    /// The detour of a way, from the sums of what position error and flapper position (m) moved by in its steps, and from
+    /// what they moved by in all.
+    #[inline(always)]
+    pub fn detour(&self, way: [T; 2], change: [T; 2]) -> Detour<T> {
+        let [error, position] = core::array::from_fn(|index| way[index] - change[index].magnitude());
+        let [by_position, by_error, _] = self.flapper;
+        [error, by_position * position + by_error.magnitude() * error]
+    }
+
+    /// Is there room for a detour at the place where it began? [`is_clear`](Self::is_clear) looks at where it ended.
+    #[inline(always)]
+    pub fn allows(&self, from: &Watched<T>, detour: &Detour<T>) -> bool {
+        (0..detour.len()).all(|index| {
+            from[index] - detour[index] >= self.lower[index]
+                && from[index] + detour[index] <= self.upper[index]
+        })
     }
 
     /// Has a place the margins that a step after a change asks for?
     #[inline(never)]
     pub fn has_margin(&self, place: &Watched<T>, change: &Watched<T>) -> bool {
         self.holds(place, &change.map(|value| value.magnitude() * T::literal(0.25)))
+    }
+
+    /// Is there room for a step twice as long as the one that changed this much, if it goes on like that?
+    #[inline(never)]
+    pub fn has_room(&self, place: &Watched<T>, change: &Watched<T>) -> bool {
+        // Twice the change and the margin of such a step are three times the change, of which a margin is a quarter.
+        self.has_margin(place, &change.map(|value| value * T::literal(12.0)))
+    }
+
+    /// A swing over steps of a size as one over steps of another, and whether a place has the margins that it asks for.
+    #[inline(never)]
+    pub fn rescaled(
+        &self,
+        place: &Watched<T>,
+        swing: &Watched<T>,
+        [from, to]: [u32; 2],
+    ) -> (Watched<T>, bool) {
+        let ratio = T::from_count(to) / T::from_count(from);
+        let swing = swing.map(|value| value * ratio);
+        (swing, self.has_margin(place, &swing))
     }
 
     /// Is a step clear, as [`is_clear`](Self::is_clear) asks, when looked at closely? What moves away from its bound
@@ -84,12 +171,13 @@ impl<T: Real> Corridor<T> {
         from: &Watched<T>,
         to: &Watched<T>,
         swing: &Watched<T>,
+        detour: &Detour<T>,
         divisible: bool,
     ) -> Passage {
         let quarter = T::literal(0.25);
         let mut passage = Passage::Clear;
-        let mut look = |before: T, after: T, fall: T, slack: T| {
-            let has_dipped = divisible && before.smaller(after) + slack < fall * quarter;
+        let mut look = |before: T, after: T, dip: T, slack: T| {
+            let has_dipped = divisible && before.smaller(after) + slack < dip;
             if after + slack >= T::ZERO && !has_dipped {
                 return;
             }
@@ -99,9 +187,15 @@ impl<T: Real> Corridor<T> {
         for index in 0..WATCHED {
             let (from, to, swing) = (from[index], to[index], swing[index]);
             let (lower, upper) = (self.lower[index], self.upper[index]);
+            let detour = detour.get(index).copied().unwrap_or(T::ZERO);
+            let (least, most) = if from < to { (from, to) } else { (to, from) };
+            let margin = swing.magnitude() * quarter + detour;
+            if least - margin >= lower && most + margin <= upper {
+                continue;
+            }
             let slack = if index == FLAPPER { self.slack } else { T::ZERO };
-            look(from - lower, to - lower, -swing, slack);
-            look(upper - from, upper - to, swing, slack);
+            look(from - lower, to - lower, detour - swing * quarter, slack);
+            look(upper - from, upper - to, detour + swing * quarter, slack);
         }
         passage
     }
@@ -109,7 +203,7 @@ impl<T: Real> Corridor<T> {
     /// A state and an input of which `watched` is by so much less.
     pub fn before(&self, z: &State<T>, input: &Input<T>, less: &Watched<T>) -> (State<T>, Input<T>) {
         let mut earlier = *z;
-        earlier.flapper -= less[FLAPPER];
+        earlier.flapper -= self.flapper[0] * less[FLAPPER];
         earlier.spool -= less[SPOOL];
         earlier.ram -= less[RAM];
         earlier.ram_velocity -= less[RAM_VELOCITY];
@@ -157,10 +251,8 @@ impl<T: Real> Model<T> {
             && self.jack.is_affine()
             && !self.jack.has_step_load()
             && !self.jack.has_spring();
-        // The force on a flapper at its stop depends on the spool alone where the current is at its limit.
-        let is_limited = (mode.flapper != 0 && mode.current == 0) || mode.first_stage != 0;
         let held = mode.jack_slides() || mode.pressure == 0;
-        if !plain || is_limited || !held {
+        if !plain || mode.first_stage != 0 || !held {
             return None;
         }
         let infinity = T::ONE / T::ZERO;
@@ -170,17 +262,20 @@ impl<T: Real> Model<T> {
             upper: [infinity; WATCHED],
             by_spool: slope(T::ONE, T::ZERO),
             by_velocity: slope(T::ZERO, T::ONE),
+            flapper: [T::ONE, T::ZERO, T::ZERO],
             slack: T::literal(SPOOL_FORCE_TOLERANCE) / (self.spool.area * self.pilot.pressure_gain),
+            current: [
+                self.controller.current(mode.current, T::ZERO, T::ONE),
+                self.controller.current(mode.current, self.controller.proportional_demand(T::ONE), T::ZERO),
+            ],
+            pressure: [
+                self.fluid.limited(mode.pressure, T::ZERO, T::ONE),
+                self.fluid.limited(mode.pressure, T::ONE, T::ZERO),
+            ],
         };
         corridor.limit(ERROR, mode.current, self.controller.error_at_limit());
         corridor.limit(FLAPPER, 0, self.pilot.stop);
         corridor.limit(FLAPPER, 0, self.fluid.supply / self.pilot.pressure_gain);
-        if mode.flapper != 0 {
-            let current = self.controller.current(mode.current, T::ZERO, T::ONE);
-            let force = self.pilot.torque_motor_force(current, T::ONE);
-            let balance = self.pilot.balanced_sensed_spool(force, side::<T>(mode.flapper) * self.pilot.stop);
-            corridor.stop(SPOOL, mode.flapper, [balance, balance]);
-        }
         corridor.limit(PRESSURE, mode.pressure, self.fluid.supply);
         // Flapper position for a force on the spool.
         let for_force = |force: T| force / (self.spool.area * self.pilot.pressure_gain);
@@ -192,6 +287,9 @@ impl<T: Real> Model<T> {
             let most = for_force(self.spool.breakaway);
             corridor.stop(FLAPPER, -mode.spool, [-most, most]);
         }
+        if mode.flapper != 0 {
+            self.watch_stop(&mut corridor, mode)?;
+        }
         if mode.jack_slides() {
             corridor.limit(RAM_VELOCITY, mode.jack, T::ZERO);
             corridor.stop(RAM, mode.jack, [-self.jack.stop, self.jack.stop]);
@@ -201,6 +299,26 @@ impl<T: Real> Model<T> {
             corridor.stop(PRESSURE, -mode.jack, [balance(-T::ONE), balance(T::ONE)]);
         }
         Some(corridor)
+    }
+
+    /// Watches the force that holds the flapper at its stop in place of its position, which does not change; none where
+    /// the mode is not valid with the flapper there.
+    fn watch_stop(&self, corridor: &mut Corridor<T>, mode: &Mode) -> Option<()> {
+        let direction = side::<T>(mode.flapper);
+        let force = |error: T, spool: T, one: T| {
+            let current =
+                self.controller.current(mode.current, self.controller.proportional_demand(error), one);
+            let motor = self.pilot.torque_motor_force(current, one);
+            direction * self.pilot.static_force(motor, spool, direction * self.pilot.stop * one)
+        };
+        let position = direction * self.pilot.stop;
+        let is_valid = position + corridor.slack >= corridor.lower[FLAPPER]
+            && position - corridor.slack <= corridor.upper[FLAPPER];
+        corridor.flapper = [T::ZERO, force(T::ONE, T::ZERO, T::ZERO), force(T::ZERO, T::ONE, T::ZERO)];
+        corridor.lower[FLAPPER] = -force(T::ZERO, T::ZERO, T::ONE);
+        corridor.upper[FLAPPER] = T::ONE / T::ZERO;
+        corridor.slack = T::ZERO;
+        is_valid.then_some(())
     }
 }
 
@@ -244,11 +362,13 @@ mod tests {
         };
         let model = Model::new(Form::default(), &p);
         let (mut held, mut missed) = (0, 0);
-        for (current, flapper) in [(-1, 0), (0, 0), (1, 0), (-1, -1), (-1, 1), (1, 1), (1, -1)] {
+        for (current, flapper) in
+            [(-1, 0), (0, 0), (1, 0), (-1, -1), (-1, 1), (1, 1), (1, -1), (0, 1), (0, -1)]
+        {
             for spool in [-2, -1, 0, 1, 2] {
                 for (jack, pressure) in [(-1, -1), (-1, 0), (1, 1), (1, 0), (0, 0), (2, 0), (-2, 0)] {
                     let mode = Mode { current, flapper, spool, pressure, jack, ..model.mode_at_rest() };
-                    let corridor = model.corridor(&mode).unwrap();
+                    let corridor = model.corridor(&mode);
                     for _ in 0..2000 {
                         let (mut z, input) = place(&mut random, &mode, &p);
                         if jack.abs() == 2 {
@@ -256,8 +376,9 @@ mod tests {
                         }
                         let guards = model.loop_guards(&mode, &z, &input);
                         let is_valid = guards.iter().all(|&guard| guard >= -1e-12);
-                        let watched = corridor.watched(&z, &input);
-                        let is_held = corridor.holds(&watched, &[0.0; WATCHED]);
+                        let is_held = corridor.is_some_and(|corridor| {
+                            corridor.holds(&corridor.watched(&z, &input), &[0.0; WATCHED])
+                        });
                         assert!(is_valid || !is_held, "{mode:?}, {z:?}, {input:?}: {guards:?}");
                         held += u32::from(is_held);
                         missed += u32::from(is_valid && !is_held);
@@ -292,8 +413,8 @@ mod tests {
         };
         let p = Parameters::default();
         assert!(!none(Form::default(), p, |_| ()));
-        assert!(!none(Form::default(), p, |mode| (mode.current, mode.flapper) = (1, 1)));
-        assert!(none(Form::default(), p, |mode| mode.flapper = 1));
+        assert!(!none(Form::default(), p, |mode| (mode.flapper, mode.spool) = (1, 1)));
+        assert!(none(Form::default(), p, |mode| (mode.flapper, mode.spool) = (1, -1)));
         assert!(none(Form::default(), p, |mode| (mode.pressure, mode.jack) = (1, 0)));
         assert!(none(Form { valve: ValveForm::StaticFlapper, ..Form::default() }, p, |_| ()));
         assert!(none(Form { feedback: Feedback::User, ..Form::default() }, p, |_| ()));

@@ -85,7 +85,13 @@ impl<T: Real> Fluid<T> {
     /// Pressure of the linear form in a mode of its limit, Pa.
     #[inline(always)]
     pub fn limited_pressure(&self, mode: i8, opening: T, velocity: T, one: T) -> T {
-        if mode == 0 { self.linear_pressure(opening, velocity) } else { side::<T>(mode) * self.supply * one }
+        self.limited(mode, self.linear_pressure(opening, velocity), one)
+    }
+
+    /// What a mode of its limit makes of the pressure of the linear form, Pa.
+    #[inline(always)]
+    pub fn limited(&self, mode: i8, pressure: T, one: T) -> T {
+        if mode == 0 { pressure } else { side::<T>(mode) * self.supply * one }
     }
 
     /// Pressure of the linear form in a mode of its limit, Pa, and its slope with the velocity, Pa s/m.

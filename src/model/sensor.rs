@@ -18,6 +18,8 @@ pub struct Lvdt<T> {
     delay: T,
     /// Does it remember anything: has it a lag or a delay?
     has_memory: bool,
+    /// Does it show the position as it is?
+    is_true: bool,
 }
 
 /// What the LVDT remembers.
@@ -39,8 +41,15 @@ impl<T: Real> LvdtState<T> {
 
 impl<T: Real> Lvdt<T> {
     /// What holds an LVDT later: all zeros.
-    pub const IDLE: Self =
-        Self { offset: T::ZERO, gain: T::ZERO, cubic: T::ZERO, lag: None, delay: T::ZERO, has_memory: false };
+    pub const IDLE: Self = Self {
+        offset: T::ZERO,
+        gain: T::ZERO,
+        cubic: T::ZERO,
+        lag: None,
+        delay: T::ZERO,
+        has_memory: false,
+        is_true: false,
+    };
 
     /// Longest delay at a sample period, s: the cubic takes two samples before the wanted one and one after it.
     pub fn longest_delay(sample_period: T) -> T {
@@ -67,12 +76,17 @@ impl<T: Real> Lvdt<T> {
             lag,
             delay: p.sensor_delay.smaller(Self::longest_delay(sample_period)) / sample_period,
             has_memory,
+            is_true: !has_memory
+                && [p.sensor_offset, p.sensor_gain, p.sensor_cubic].iter().all(|&effect| effect == T::ZERO),
         }
     }
 
     /// One sample of the LVDT.
     #[inline(always)]
     pub fn sample(&self, state: &mut LvdtState<T>, position: T) -> T {
+        if self.is_true {
+            return position;
+        }
         let seen = if self.has_memory { self.remembered(state, position) } else { position };
         self.offset + self.gain * seen * (T::ONE + self.cubic * seen * seen)
     }

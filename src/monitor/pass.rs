@@ -415,21 +415,21 @@ impl<const GENES: usize> Pass<GENES> {
             return;
         };
         let (Some(before), None) = (scene.command_before(first), self.place) else { return };
-        let most = (end.saturating_sub(self.done) as u32).min(allowance.saturating_sub(LONGEST_PIECE - 1));
-        let most = scene.unbroken(first, before, most);
-        let (turn, mode, sight) = (self.turn, run.mode, &mut self.sight);
+        let steps = allowance.saturating_sub(LONGEST_PIECE - 1);
+        let most = scene.unbroken(first, before, end.saturating_sub(self.done) as u32);
+        let (turn, sight) = (self.turn, &mut self.sight);
         let (mut place, mut sample) = (self.done, first);
         stepper.enter(model, run);
         let command = |done: u32| (done < most).then(|| scene.command(first + done as usize));
-        let done = stepper.glide(run, before, command, |state, input| {
-            let current = model.controller.current(mode.current, model.demand(&mode, state, input), 1.0);
-            sight.follow(turn, state.ground());
-            sight.look(turn, place, state.ground(), current, sample >= scene.settle);
+        let taken = run.steps;
+        stepper.glide(run, before, steps, command, |passing| {
+            sight.follow(turn, passing.ram);
+            sight.look(turn, place, passing.ram, passing.current, sample >= scene.settle);
             place += 1;
             sample += 1;
         });
+        *allowance = allowance.saturating_sub(run.steps.wrapping_sub(taken));
         self.done = place;
-        *allowance -= done;
     }
 
     /// Adds the residuals of a chunk to the sums.
