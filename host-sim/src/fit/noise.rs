@@ -141,17 +141,34 @@ fn median(magnitudes: &[f64], quantum: f64) -> f64 {
     edges[0] + share * (edges[1] - edges[0])
 }
 
-/// The step in which a series is quantised; 0 where it is not (fewer than nine in ten of its steps agree exactly on
-/// multiples of one).
+/// How far a difference may be from a whole number of steps, as a part of the largest value: what a file's digits round
+/// away.
+const DIGITS: f64 = 1e-8;
+/// The same, as a part of the difference.
+const RELATIVE: f64 = 1e-6;
+
+/// The step in which a series is quantised; 0 where it is not (fewer than nine in ten of its differences are whole numbers
+/// of one). Small differences tell the step roughly, and larger ones then better: the numbers of a file are rounded.
 pub fn quantum(values: &[f64]) -> f64 {
-    let steps: Vec<f64> =
+    let mut steps: Vec<f64> =
         values.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|step| step.is_finite()).collect();
-    let Some(smallest) = steps.iter().copied().filter(|&step| step > 0.0).min_by(f64::total_cmp) else {
-        return 0.0;
-    };
-    let whole = |step: f64| ((step / smallest).round() * smallest - step).abs() < 1e-6 * smallest.max(step);
-    let agreeing = steps.iter().filter(|&&step| whole(step)).count();
-    if agreeing * 10 > steps.len() * 9 { smallest } else { 0.0 }
+    steps.sort_by(f64::total_cmp);
+    let moving = &steps[steps.partition_point(|&step| step == 0.0)..];
+    let Some(&smallest) = moving.first() else { return 0.0 };
+    let largest = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+    let off = |step: f64, quantum: f64| (step - (step / quantum).round() * quantum).abs();
+    let (mut way, mut count) = (smallest, 1.0);
+    for &step in &moving[1..] {
+        let quantum = way / count;
+        if off(step, quantum) < 0.1 * quantum {
+            (way, count) = (way + step, count + (step / quantum).round());
+        }
+    }
+    let quantum = way / count;
+    let is_whole =
+        |step: f64| off(step, quantum) < (RELATIVE * step).max(DIGITS * largest).min(0.01 * quantum);
+    let whole = steps.iter().filter(|&&step| is_whole(step)).count();
+    if whole * 10 > steps.len() * 9 { quantum } else { 0.0 }
 }
 
 /// Residual series of a measured channel, one for each record: measured minus predicted, over the samples that are
@@ -302,6 +319,19 @@ mod tests {
         let noise = noise_of_series(&values);
         assert!(noise > 0.28e-6 && noise < 0.5e-6, "{noise}");
         assert_eq!(quantum(&noisy(500, 5e-6, |_| 0.0)), 0.0);
+    }
+
+    #[test]
+    fn a_quantum_is_found_behind_the_rounding_of_a_file() {
+        let step = 8.870_738_58e-7;
+        let exact = noisy(2000, 4e-6, |t| 4e-3 * (31.4 * t).sin());
+        for digits in [8, 9, 12] {
+            let written =
+                |value: &f64| format!("{:.digits$e}", (value / step).round() * step).parse().unwrap();
+            let values: Vec<f64> = exact.iter().map(written).collect();
+            let found = quantum(&values);
+            assert!((found / step - 1.0).abs() < 1e-4, "{digits} digits: {found}");
+        }
     }
 
     #[test]
