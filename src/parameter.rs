@@ -132,6 +132,7 @@ parameters! {
     spool_viscosity SpoolViscosity "CSV" "N s/m" 1000.0 [0.0, 1e6] Dynamics "viscous friction of the spool";
     spool_friction SpoolFriction "FSS" "N" 7.0 [0.0, 500.0] Constant "breakaway friction of the spool";
     spool_friction_ratio SpoolFrictionRatio "FSDS" "1" 1.2 [1.0, 10.0] Constant "breakaway over sliding friction of the spool";
+    spool_rest_ratio SpoolRestRatio "" "1" 1.0 [1.0, 10.0] Constant "driving force at which the sliding spool comes to rest over its sliding friction, at most the breakaway friction";
     spool_stop SpoolStop "XSM" "m" 0.6e-3 [1e-5, 0.1] Constant "end stop of the spool";
     flow_asymmetry FlowAsymmetry "af" "1" 0.0 [-0.5, 0.5] Dynamics "opening of the spool times 1 + af sgn(XS)";
     spool_overlap SpoolOverlap "OVL" "m" 0.0 [0.0, 1e-4] Constant "half width of the spool's dead zone";

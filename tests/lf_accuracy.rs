@@ -48,6 +48,27 @@ fn exact_steps_meet_the_bar_with_the_ram_fed_back() {
     check_all(Feedback::Ram, |index| vec![BACKLASHES[index % 3]]);
 }
 
+/// When the spool sticks: only where its driving force has fallen to the sliding friction, or as soon as that would not
+/// set it going. There, a slow command makes it stick and slide hundreds of times a second.
+#[test]
+fn a_spool_that_sticks_early_meets_the_bar() {
+    let mut most = 0.0_f64;
+    for row in COMMANDS {
+        let samples = command(row.name, 1000);
+        for fdj in [200.0, 800.0] {
+            let late = rig(Feedback::Ram, fdj, 1e-4);
+            let mut early = late;
+            early.parameters.spool_rest_ratio = early.parameters.spool_friction_ratio;
+            let (model, plant) = (early.exact(&samples), early.plant(&samples));
+            let distance = model.distance(&plant);
+            assert!(distance.user < BAR / 3.0, "{}, {fdj} N: {distance}", row.name);
+            most = most.max(late.exact(&samples).distance(&plant).user);
+        }
+    }
+    // What the other law would miss.
+    assert!(most > 5.0 * BAR, "{most} um");
+}
+
 #[test]
 fn exact_steps_meet_the_bar_with_the_user_fed_back() {
     check_all(Feedback::User, |_| BACKLASHES.to_vec());

@@ -262,14 +262,23 @@ pub fn correlation_warnings(fit: &Fit) -> Vec<String> {
     warnings
 }
 
-/// What the user should know of the path that a command was found to be on.
-pub fn command_note(rig: &Rig) -> Option<String> {
-    let how = match rig.command_path {
-        CommandPath::Lines => return None,
-        CommandPath::Curve => "goes from sample to sample on a curve, not in straight lines",
-        CommandPath::Held => "keeps the value of a sample until the next one, as the rig says",
+/// Said where another reading of the records does as well.
+pub const OPEN_READING: &str = "these records do not tell how the command goes from sample to sample, or when the spool \
+    sticks: the intervals hold every answer";
+
+/// What the user should know of how records were read.
+pub fn reading_notes(rig: &Rig) -> Vec<String> {
+    let command = match rig.command_path {
+        CommandPath::Lines => None,
+        CommandPath::Curve => Some("goes from sample to sample on a curve, not in straight lines"),
+        CommandPath::Held => Some("keeps the value of a sample until the next one, as the rig says"),
     };
-    Some(format!("the command {how}"))
+    let spool = rig.has_sticking_spool().then(|| {
+        "the spool sticks as soon as its driving force is below the breakaway friction, not only when it has fallen to the \
+         sliding friction"
+            .to_owned()
+    });
+    command.map(|how| format!("the command {how}")).into_iter().chain(spool).collect()
 }
 
 /// The configuration that a result was made with, resolved.

@@ -230,6 +230,35 @@ fn an_interval_holds_what_no_number_of_samples_averages_out() {
     assert!(fault(&result, "fdj").1 < 1e-3 * FDJ, "{result:#}");
 }
 
+/// The position with little noise, and the ram without any: fine enough to show when the spool sticks.
+fn save_finely(directory: &Path, plant: &Plant, command: &Command, seed: u64) -> PathBuf {
+    let Record { command, mut lvdt, ram, .. } = plant.record(command, SAMPLES);
+    add_noise(&mut lvdt, 1e-6, seed);
+    let path = directory.join(format!("{seed}.csv"));
+    std::fs::write(&path, csv(&[("command_m", &command), ("lvdt_m", &lvdt), ("ram_m", &ram)])).unwrap();
+    path
+}
+
+#[test]
+fn when_the_spool_sticks_is_no_effect() {
+    for (sticks, friction_asymmetry, effect) in
+        [(false, 0.0, None), (true, 0.0, None), (true, 0.1, Some("friction-asymmetry"))]
+    {
+        let mut plant = faulty();
+        plant.parameters.spool_sticks_below_breakaway = sticks;
+        plant.effects.friction_asymmetry = friction_asymmetry;
+        let directory = tempfile::tempdir().unwrap();
+        let [chirp, mixed, held] = [(Command::CHIRP, 1), (Command::Mixed, 2), (Command::MixedStep, 3)]
+            .map(|(command, seed)| save_finely(directory.path(), &plant, &command, seed));
+        let result = host_sim("diagnose", |command| command.args([chirp, mixed]).arg("--holdout").arg(held));
+        let ratio = &result["config"]["parameters"]["spool_rest_ratio"];
+        assert_eq!(ratio.as_f64(), sticks.then_some(1.2), "{result:#}");
+        assert_eq!(class(&result), effect.into_iter().collect::<Vec<_>>(), "{result:#}");
+        assert_ne!(result["verdict"], "unexplained", "{result:#}");
+        faults_are_right(&result, 5.0, "a spool that sticks");
+    }
+}
+
 #[test]
 fn metering_is_found_in_a_high_fidelity_actuator() {
     let mut plant = Plant::high_fidelity();

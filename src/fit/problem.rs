@@ -13,7 +13,7 @@ use crate::scalar::Real;
 pub const MEASURED: usize = Channel::MEASURED.len();
 
 /// Samples between two looks at whether a misfit is above its bound.
-const BETWEEN_LOOKS: usize = 24;
+const BETWEEN_LOOKS: usize = 40;
 
 /// State and time in which a stretch of a record starts.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

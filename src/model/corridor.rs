@@ -280,7 +280,7 @@ impl<T: Real> Model<T> {
         // Flapper position for a force on the spool.
         let for_force = |force: T| force / (self.spool.area * self.pilot.pressure_gain);
         if mode.spool_slides() {
-            corridor.limit(FLAPPER, mode.spool, for_force(self.spool.sliding));
+            corridor.limit(FLAPPER, mode.spool, for_force(self.spool.rest));
             corridor.stop(SPOOL, mode.spool, [-self.spool.stop, self.spool.stop]);
         } else {
             // At a stop only a force away from it moves the spool.

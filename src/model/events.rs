@@ -155,7 +155,7 @@ impl<T: Real> Model<T> {
             match mode.spool {
                 0 => guards[SPOOL] = self.spool.breakaway - spool_force.magnitude(),
                 -1 | 1 => {
-                    guards[SPOOL] = side::<T>(mode.spool) * spool_force - self.spool.sliding;
+                    guards[SPOOL] = side::<T>(mode.spool) * spool_force - self.spool.rest;
                     guards[SPOOL_STOP] = self.spool.stop - side::<T>(mode.spool) * z.spool;
                 }
                 _ => guards[SPOOL] = self.spool.breakaway + side::<T>(mode.spool) * spool_force,

@@ -101,6 +101,9 @@ pub struct Spool<T> {
     pub breakaway: T,
     /// Sliding friction `FSS/FSDS`, N.
     pub sliding: T,
+    /// Driving force at which it comes to rest, N: its sliding friction where it sticks and slides as the jack does, its
+    /// breakaway friction where it sticks as soon as the force would not set it going.
+    pub rest: T,
     /// End stop `XSM`, m.
     pub stop: T,
     /// Half width of the dead zone, m.
@@ -119,11 +122,13 @@ impl<T: Real> Spool<T> {
         let flow_gain = p.first_stage_flow_gain * (T::ONE - p.filter_clogging);
         let resistance =
             p.spool_viscosity + p.spool_area * p.spool_area * (p.first_stage_pressure_gain / flow_gain);
+        let sliding = p.spool_friction / p.spool_friction_ratio;
         Self {
             area: p.spool_area,
             mobility: T::ONE / resistance,
             breakaway: p.spool_friction,
-            sliding: p.spool_friction / p.spool_friction_ratio,
+            sliding,
+            rest: (sliding * p.spool_rest_ratio).smaller(p.spool_friction),
             stop: p.spool_stop,
             overlap: p.spool_overlap,
             asymmetry: p.flow_asymmetry,

@@ -135,6 +135,7 @@ pub(crate) fn plant(rig: &Rig) -> Plant {
         spool_viscosity: p.spool_viscosity,
         spool_friction: p.spool_friction,
         spool_friction_ratio: p.spool_friction_ratio,
+        spool_sticks_below_breakaway: p.spool_rest_ratio >= p.spool_friction_ratio,
         spool_stop: p.spool_stop,
         supply_pressure: p.supply_pressure * p.supply_ratio,
         nominal_supply_pressure: p.supply_pressure,

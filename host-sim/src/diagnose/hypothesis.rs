@@ -118,14 +118,15 @@ impl Hypothesis {
     /// The same from other values than its own.
     pub(super) fn refitted_from(&self, values: Vec<f64>, case: &Case<'_>) -> Self {
         let here = Place { ranges: self.ranges.clone(), values };
-        let shown = |effect: &&EffectInfo| place::shown_by(effect, &self.rig, &self.ranges, case.train());
+        let rig = self.rig.with_spool_of(case.rig);
+        let shown = |effect: &&EffectInfo| place::shown_by(effect, &rig, &self.ranges, case.train());
         let starts: Vec<_> = iter::once(here).chain(self.added.iter().flat_map(shown)).collect();
         let (ranges, train) = starts
             .into_par_iter()
-            .filter_map(|start| candidate::fitted(&self.rig, start.ranges, &start.values, case.train()))
+            .filter_map(|start| candidate::fitted(&rig, start.ranges, &start.values, case.train()))
             .min_by(|(_, a), (_, b)| a.misfit.chi_square.total_cmp(&b.misfit.chi_square))
             .unwrap_or_else(|| (self.ranges.clone(), self.train.clone()));
-        let rig = train.applied(&self.rig, &ranges);
+        let rig = train.applied(&rig, &ranges);
         Self::validated(case, rig, ranges, train, self.added.clone())
     }
 

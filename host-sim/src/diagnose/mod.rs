@@ -36,7 +36,7 @@ mod search;
 mod signature;
 mod weighing;
 
-use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, FitSettings, Polished, Prepared, TOLD_APART};
+use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, FitSettings, Polished, Prepared, Reading, TOLD_APART};
 use crate::interrupt;
 use crate::rig::{CommandPath, Rig};
 use eha_monitor::channel::Channel;
@@ -49,6 +49,8 @@ use residual::{Description, MEASURED};
 use std::iter;
 use weighing::Earned;
 
+/// Chi-square between two readings of records that is no difference, whatever is found in them.
+const NO_DIFFERENCE: f64 = 1.0;
 /// Seeds from which the declared faults are fitted where the first leaves more than noise.
 const ROOT_SEEDS: u64 = 8;
 /// Standard deviations of the residual tests: with four channels, a chance of 1e-4 of a false alarm.
@@ -178,6 +180,14 @@ pub struct Case<'a> {
 }
 
 impl<'a> Case<'a> {
+    /// The same with another rig that reads the records in the same way.
+    fn under<'b>(&self, rig: &'b Rig) -> Case<'b>
+    where
+        'a: 'b,
+    {
+        Case { rig, ..*self }
+    }
+
     /// A case of records that are ready for a rig, of which the first ones are fitted.
     pub fn new(rig: &'a Rig, records: &'a [Prepared], fitted: usize) -> Self {
         let error = |channel: usize| {
@@ -236,7 +246,10 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Di
     if interrupt::requested() {
         return answer.diagnosis;
     }
-    let between = diagnose_with_jumps(case, &answer, settings, watch);
+    // What explains the records says how they are to be read.
+    let rig =
+        if answer.is_unexplained() { case.rig.clone() } else { case.rig.with_spool_of(&answer.model.rig) };
+    let between = diagnose_with_jumps(&case.under(&rig), &answer, settings, watch);
     let is_unexplained = answer.is_unexplained();
     let mut diagnosis = answer.diagnosis;
     match between {
@@ -312,13 +325,16 @@ fn diagnose_with_jumps(
     watch: Watch<'_>,
 ) -> Between {
     let is_curve = case.rig.command_path == CommandPath::Curve;
-    let as_it_is = || is_curve.then(|| (case.rig.clone(), case.records.to_vec()));
-    let Some((rig, records)) = fit::curved(case.rig, case.records).or_else(as_it_is) else {
+    let as_it_is = || is_curve.then(|| Reading { rig: case.rig.clone(), records: case.records.to_vec() });
+    let Some(Reading { rig, records }) = fit::curved(case.rig, case.records).or_else(as_it_is) else {
         return Between::No;
     };
     let curved = Case { rig: &rig, records: &records, ..*case };
     let Some(jumps) = Jumps::of(&records) else { return Between::No };
-    let beside = |model: &Hypothesis| jumps.timed(&curved, |case| model.refitted(case));
+    let beside = |model: &Hypothesis| {
+        let rig = rig.with_spool_of(&model.rig);
+        jumps.timed(&curved.under(&rig), |case| model.refitted(case))
+    };
     let found = &without.model;
     let asked = Some(without.to_be_timed()).filter(|asked| !asked.same_effects(found));
     let models = iter::once(found).chain(asked).filter(|model| !model.added.is_empty());
@@ -343,7 +359,9 @@ fn diagnose_with_jumps(
     loop {
         let answer = diagnose_in_noise(&best.case(&curved), settings, &again);
         let next = answer.to_be_timed();
-        let is_last = turn == MOST_TIMED || next.same_effects(&best.model) || interrupt::requested();
+        let is_same = next.same_effects(&best.model)
+            && next.rig.has_sticking_spool() == best.model.rig.has_sticking_spool();
+        let is_last = turn == MOST_TIMED || is_same || interrupt::requested();
         let next = (!is_last).then(|| beside(next));
         let better = next.and_then(|next| Some((cost(&next)?, next))).filter(|(cost, _)| *cost < least);
         let Some(better) = better else {
@@ -357,45 +375,56 @@ fn diagnose_with_jumps(
 
 /// Diagnoses a case whose noise is as it says.
 ///
-/// What a record does not say is what its command does between the samples: straight lines, unless a curve explains more
-/// (see [`crate::rig::CommandPath`]). Where that makes a difference to what is found on the likelier path, and the other
-/// may be it as well, that is tried too.
+/// Records do not say what a command does between its samples, nor a rig when its spool sticks: the likeliest of the
+/// readings that the rig leaves open is taken (see [`Reading::all`]). Where another one makes a difference to what is found
+/// in that, and may be it as well, it is tried too.
 fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Answer {
     watch("fitting the declared faults", 0.0);
-    let on_lines = Declared::of(case, settings);
-    let Some((rig, records)) = fit::curved(case.rig, case.records) else {
-        return diagnose_from(case, on_lines, settings, watch);
-    };
-    let curved = Case { rig: &rig, records: &records, ..*case };
-    let on_curve = Declared::of(&curved, settings);
-    let is_curve = fit::is_curve(&on_lines.root.joint.misfit, &on_curve.root.joint.misfit);
-    let (lines, curve) = ((case, on_lines), (&curved, on_curve));
-    let ((here, declared), (there, declared_there)) = if is_curve { (curve, lines) } else { (lines, curve) };
+    let own = Declared::of(case, settings);
+    let readings = Reading::all(case.rig, case.records);
+    let cases: Vec<Case<'_>> =
+        readings.iter().map(|Reading { rig, records }| Case { rig, records, ..*case }).collect();
+    let differs = |other: &&Case<'_>| readings_apart(&own.root.rig, case, other) > NO_DIFFERENCE;
+    let others: Vec<(&Case<'_>, Declared)> =
+        cases.iter().skip(1).filter(differs).map(|other| (other, Declared::of(other, settings))).collect();
+    let mut read: Vec<(&Case<'_>, Declared)> = iter::once((case, own)).chain(others).collect();
+    if read.len() == 1 {
+        return diagnose_from(case, read.remove(0).1, settings, watch);
+    }
+    let misfits: Vec<Misfit<f64>> = read.iter().map(|(_, declared)| declared.root.joint.misfit).collect();
+    let (here, declared) = read.swap_remove(fit::speaks_for(&misfits));
     let at_first = |what: &str, share: f64| watch(what, 0.6 * share);
     let mut answer = diagnose_from(here, declared, settings, &at_first);
     let Answer { diagnosis, model: best, .. } = &mut answer;
-    let moved = best.refitted(there);
-    let is_told = best.is_likelier(&moved);
-    if diagnosis.verdict != Verdict::Unexplained && !is_told {
-        diagnosis.hold(&moved.estimates(there, None));
+    let scale = best.scale();
+    let mut rivals = Vec::new();
+    for (there, declared) in read {
+        let moved = best.refitted(there);
+        if best.is_likelier(&moved) {
+            continue;
+        }
+        if diagnosis.verdict != Verdict::Unexplained {
+            diagnosis.hold(&moved.estimates(there, None));
+        }
+        if readings_apart(&best.rig, here, there) >= TOLD_APART * scale {
+            rivals.push((moved.cost(scale), there, declared));
+        }
     }
-    let is_settled = is_told
-        || diagnosis.verdict == Verdict::Adequate
-        || paths_apart(&best.rig, case, &curved) < TOLD_APART * best.scale();
-    if is_settled || interrupt::requested() {
+    let likeliest = rivals.into_iter().min_by(|(a, ..), (b, ..)| a.total_cmp(b));
+    let Some((_, there, declared)) = likeliest else { return answer };
+    if diagnosis.verdict == Verdict::Adequate || interrupt::requested() {
         return answer;
     }
-    let again =
-        |what: &str, share: f64| watch(&format!("{what}, command on its other path"), 0.6 + 0.4 * share);
-    let other = diagnose_from(there, declared_there, settings, &again);
-    let scale = best.scale();
+    let again = |what: &str, share: f64| watch(&format!("{what}, in another reading"), 0.6 + 0.4 * share);
+    let other = diagnose_from(there, declared, settings, &again);
     if other.model.cost(scale) < best.cost(scale) { other } else { answer }
 }
 
-/// Chi-square between what a model predicts for the same records on two paths of their command.
-fn paths_apart(rig: &Rig, one: &Case<'_>, other: &Case<'_>) -> f64 {
-    let [one, other] =
-        [one, other].map(|case| residual::in_noise(case.records, &fit::glimpse(rig, case.records)));
+/// Chi-square between what a model predicts for records in two readings.
+fn readings_apart(rig: &Rig, one: &Case<'_>, other: &Case<'_>) -> f64 {
+    let [one, other] = [one, other].map(|case| {
+        residual::in_noise(case.records, &fit::glimpse(&rig.with_spool_of(case.rig), case.records))
+    });
     (one - other).norm_squared()
 }
 

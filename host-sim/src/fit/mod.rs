@@ -48,7 +48,7 @@ pub const TOLD_APART: f64 = 9.2;
 
 /// Share of what straight lines leave beyond noise that a curve must undercut to be the command's path though it leaves
 /// more than noise itself.
-const CURVE_SHARE: f64 = 0.5;
+const SHARE_LEFT: f64 = 0.5;
 
 /// How a fit is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -249,79 +249,119 @@ pub fn fit_near(
     on_records(rig, ranges, records, FIT_TOLERANCE, search)
 }
 
-/// A fit of records, on the path between samples that their command takes.
-pub struct OnPath {
-    /// The rig, and with it the path.
+/// Records, and the rig that they are read with.
+#[derive(Clone)]
+pub struct Reading {
+    /// The rig: it says what the command does between its samples, and when the spool sticks.
     pub rig: Rig,
-    /// The records on that path.
+    /// The records as that takes them.
     pub records: Vec<Prepared>,
-    /// Their fit, with the effort of both paths. Its intervals hold those of the other path where that may be it as
-    /// well.
+}
+
+impl Reading {
+    /// The readings that a rig leaves open, its own first: a command that goes from sample to sample on straight lines or
+    /// on a curve, and a spool that slides until its driving force has fallen to the sliding friction, or sticks as soon as
+    /// that force would not set it going.
+    pub fn all(rig: &Rig, records: &[Prepared]) -> Vec<Self> {
+        let mut all = vec![Self { rig: rig.clone(), records: records.to_vec() }];
+        all.extend(curved(rig, records));
+        let sticking = |reading: &Self| {
+            let records = reading.records.clone();
+            reading.rig.with_sticking_spool().map(|rig| Self { rig, records })
+        };
+        let others: Vec<Self> = all.iter().filter_map(sticking).collect();
+        all.extend(others);
+        all
+    }
+}
+
+/// A fit of records in the reading that they speak for.
+pub struct AsRead {
+    /// The reading.
+    pub reading: Reading,
+    /// The fit, with the effort of all readings. Its intervals hold those of the others that may be it as well.
     pub fit: Fit,
-    /// Did the other path do as well, and widen an interval by more than a standard error?
+    /// Did another reading do as well, and widen an interval by more than a standard error?
     pub is_open: bool,
 }
 
-/// Fits the ranges to records whose command may go from sample to sample in another way than the rig says: on straight
-/// lines and on a curve. The curve is it where the records speak for it and it leaves noise, or far less beyond it.
-pub fn fit_on_path(
-    rig: Rig,
+/// Fits the ranges to records in every reading that the rig leaves open.
+pub fn fit_as_read(
+    rig: &Rig,
     ranges: &[Range],
-    records: Vec<Prepared>,
+    records: &[Prepared],
     settings: &FitSettings,
     mut watch: impl FnMut(Standing),
-) -> OnPath {
-    let mut lines = fit(&rig, ranges, &records, settings, &mut watch);
-    let Some((curved_rig, curved_records)) = curved(&rig, &records).filter(|_| !lines.interrupted) else {
-        return OnPath { rig, records, fit: lines, is_open: false };
-    };
-    let mut curve = fit(&curved_rig, ranges, &curved_records, settings, watch);
-    let (evaluations, seconds) = (lines.evaluations + curve.evaluations, lines.seconds + curve.seconds);
-    let generations = lines.generations + curve.generations;
-    for fit in [&mut lines, &mut curve] {
-        (fit.evaluations, fit.generations, fit.seconds) = (evaluations, generations, seconds);
+) -> AsRead {
+    let mut fitted: Vec<(Reading, Fit)> = Vec::new();
+    for reading in Reading::all(rig, records) {
+        if fitted.iter().any(|(_, fit)| fit.interrupted) {
+            break;
+        }
+        let fit = fit(&reading.rig, ranges, &reading.records, settings, &mut watch);
+        fitted.push((reading, fit));
     }
-    if !curve.interrupted && is_curve(&lines.misfit, &curve.misfit) {
-        return OnPath { rig: curved_rig, records: curved_records, fit: curve, is_open: false };
+    let misfits: Vec<Misfit<f64>> = fitted.iter().map(|(_, fit)| fit.misfit).collect();
+    let mut chosen = speaks_for(&misfits);
+    if fitted[chosen].1.interrupted {
+        chosen = 0;
     }
-    lines.interrupted |= curve.interrupted;
-    let is_open = gain_of(&lines.misfit, &curve.misfit).abs() <= TOLD_APART && lines.hold(&curve);
-    OnPath { rig, records, fit: lines, is_open }
+    let evaluations = fitted.iter().map(|(_, fit)| fit.evaluations).sum();
+    let generations = fitted.iter().map(|(_, fit)| fit.generations).sum();
+    let seconds = fitted.iter().map(|(_, fit)| fit.seconds).sum();
+    let interrupted = fitted.iter().any(|(_, fit)| fit.interrupted);
+    let (reading, fit) = fitted.swap_remove(chosen);
+    let mut fit = Fit { evaluations, generations, seconds, interrupted, ..fit };
+    let mut is_open = false;
+    for (_, other) in &fitted {
+        is_open |= gain_of(&fit.misfit, &other.misfit).abs() <= TOLD_APART && fit.hold(other);
+    }
+    AsRead { reading, fit, is_open }
 }
 
 /// Would the ranges fit the records down to the noise if their commands had been recorded one sample earlier? Then that is
 /// what is wrong with them: no actuator answers a command that is still to come.
 pub fn is_command_late(rig: &Rig, ranges: &[Range], records: &[Record], settings: &FitSettings) -> bool {
-    let earlier = records.iter().map(|record| prepare(rig, &record.with_earlier_command())).collect();
-    let moved = fit_on_path(rig.clone(), ranges, earlier, settings, |_| {});
+    let earlier: Vec<Prepared> =
+        records.iter().map(|record| prepare(rig, &record.with_earlier_command())).collect();
+    let moved = fit_as_read(rig, ranges, &earlier, settings, |_| {});
     moved.fit.stop == StopReason::NoiseReached
 }
 
-/// Do misfits of the same model on two paths speak for the curve? They are told apart, and it leaves noise, or far less
-/// beyond it.
-pub fn is_curve(lines: &Misfit<f64>, curve: &Misfit<f64>) -> bool {
+/// Of misfits of the same model in several readings, the place of the one that the records speak for: the first, unless
+/// another is told apart from it, and leaves noise, or far less beyond it.
+pub fn speaks_for(misfits: &[Misfit<f64>]) -> usize {
     let beyond_noise = |misfit: &Misfit<f64>| misfit.mean_square() - 1.0;
-    let leaves_less =
-        identify::within_noise(curve) || beyond_noise(curve) < CURVE_SHARE * beyond_noise(lines);
-    leaves_less && gain_of(lines, curve) > TOLD_APART
+    let is_better = |now: &Misfit<f64>, other: &Misfit<f64>| {
+        let leaves_less =
+            identify::within_noise(other) || beyond_noise(other) < SHARE_LEFT * beyond_noise(now);
+        leaves_less && gain_of(now, other) > TOLD_APART
+    };
+    let mut best = 0;
+    for (place, misfit) in misfits.iter().enumerate().skip(1) {
+        if is_better(&misfits[best], misfit) {
+            best = place;
+        }
+    }
+    best
 }
 
-/// Fall of chi-square from lines to a curve, in units of the mean square that the better one leaves.
-fn gain_of(lines: &Misfit<f64>, curve: &Misfit<f64>) -> f64 {
-    let scale = lines.mean_square().min(curve.mean_square()).max(1.0);
-    (lines.chi_square - curve.chi_square) / scale
+/// Fall of chi-square from one reading to another, in units of the mean square that the better one leaves.
+fn gain_of(one: &Misfit<f64>, other: &Misfit<f64>) -> f64 {
+    let scale = one.mean_square().min(other.mean_square()).max(1.0);
+    (one.chi_square - other.chi_square) / scale
 }
 
 /// The rig and its records with the command on a curve between its samples. None where the rig does not leave the path
 /// open, and where the curve is no other than the straight lines.
-pub fn curved(rig: &Rig, records: &[Prepared]) -> Option<(Rig, Vec<Prepared>)> {
+pub fn curved(rig: &Rig, records: &[Prepared]) -> Option<Reading> {
     if rig.command_path != CommandPath::Lines {
         return None;
     }
     let curved = Rig { command_path: CommandPath::Curve, ..rig.clone() };
     let other: Vec<Prepared> = records.iter().map(|record| record.along(&curved)).collect();
     let differs = other.iter().zip(records).any(|(curve, lines)| !curve.flies_as(lines));
-    differs.then_some((curved, other))
+    differs.then_some(Reading { rig: curved, records: other })
 }
 
 /// What a model with given parameters predicts for each record.

@@ -12,7 +12,7 @@ use crate::failure::Failure;
 use eha_monitor::channel::{CHANNELS, Channel};
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::model::drive::Law;
-use eha_monitor::model::{Drive, Form};
+use eha_monitor::model::{Drive, Form, ValveForm};
 use eha_monitor::parameter::{PARAMETERS, Parameter, Parameters};
 
 /// A parameter that a search may move, with its range.
@@ -121,6 +121,33 @@ impl Rig {
             self.free.iter().filter(|free| self.faults.iter().all(|fault| fault.parameter != free.parameter)),
         );
         ranges
+    }
+
+    /// The rig with a spool that sticks as soon as its driving force would not set it going; none where the rig does not
+    /// leave open whether it does.
+    pub fn with_sticking_spool(&self) -> Option<Self> {
+        let p = &self.parameters;
+        let is_free = self.declared().iter().any(|range| range.parameter == Parameter::SpoolRestRatio);
+        let is_open = self.form.drive == Drive::Valve
+            && self.form.valve != ValveForm::FirstOrder
+            && p.spool_rest_ratio == Parameter::SpoolRestRatio.info().default
+            && p.spool_friction_ratio > p.spool_rest_ratio
+            && !is_free;
+        let parameters = Parameters { spool_rest_ratio: p.spool_friction_ratio, ..*p };
+        is_open.then(|| Self { parameters, ..self.clone() })
+    }
+
+    /// Does the spool stick as soon as its driving force would not set it going?
+    pub fn has_sticking_spool(&self) -> bool {
+        self.parameters.spool_rest_ratio >= self.parameters.spool_friction_ratio
+    }
+
+    /// The rig with a spool that sticks when that of another one does.
+    #[must_use]
+    pub fn with_spool_of(&self, other: &Self) -> Self {
+        let parameters =
+            Parameters { spool_rest_ratio: other.parameters.spool_rest_ratio, ..self.parameters };
+        Self { parameters, ..self.clone() }
     }
 
     /// The rig without its controller: in open loop.

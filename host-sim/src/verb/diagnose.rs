@@ -114,6 +114,7 @@ impl Job<'_> {
             self.record_notes.push(output::LATE_COMMAND.to_owned());
         }
         bar.finish_and_clear();
+        self.rig = self.rig.with_spool_of(&diagnosis.rig);
         self.rig.command_path = diagnosis.rig.command_path;
         for (record, jumps) in self.records().zip(diagnosis.jumps.iter_mut().flatten()) {
             for time in jumps {
@@ -227,7 +228,7 @@ impl Job<'_> {
                     .to_owned(),
             );
         }
-        warnings.extend(output::command_note(&diagnosis.rig));
+        warnings.extend(output::reading_notes(&diagnosis.rig));
         for (name, jumps) in self.names.iter().zip(diagnosis.jumps.iter().flatten()) {
             let times: Vec<String> = jumps.iter().map(|time| format!("{time:.5}")).collect();
             if !times.is_empty() {

@@ -87,12 +87,9 @@ fn notes(fitted: &Fitted) -> Vec<String> {
     let fit = &fitted.fit;
     let mut notes = fitted.record_notes.clone();
     notes.extend(output::correlation_warnings(fit));
-    notes.extend(output::command_note(&fitted.rig));
-    if fitted.path_open {
-        notes.push(
-            "the command may as well go from sample to sample on a curve: the intervals hold both answers"
-                .to_owned(),
-        );
+    notes.extend(output::reading_notes(&fitted.rig));
+    if fitted.reading_open {
+        notes.push(output::OPEN_READING.to_owned());
     }
     if fit.interrupted {
         notes.push("interrupted: this is what was found so far, not the bottom of the search".to_owned());

@@ -16,7 +16,7 @@ pub mod simulate;
 
 use crate::cli::Common;
 use crate::failure::Failure;
-use crate::fit::{self, Fit, FitSettings, NoiseSource, OnPath, Prepared};
+use crate::fit::{self, AsRead, Fit, FitSettings, NoiseSource, Prepared, Reading};
 use crate::inspect::screen::{Screened, screen};
 use crate::interrupt;
 use crate::output;
@@ -263,7 +263,7 @@ struct Fitted {
     record_notes: Vec<String>,
     prepared: Vec<Prepared>,
     fit: Fit,
-    path_open: bool,
+    reading_open: bool,
     population: usize,
     /// How the records were read, and the search: as in the configuration of the result.
     reading: Value,
@@ -291,8 +291,8 @@ fn fit_records(
     let settings = FitSettings { seed: common.seed, population: options.population, budget: options.budget };
     let bar = output::bar(common, u64::from(options.budget), "identifying");
     let show = |standing| output::show_standing(&bar, standing);
-    let OnPath { rig, records: prepared, fit, is_open: path_open } =
-        fit::fit_on_path(rig, &ranges, prepared, &settings, show);
+    let AsRead { reading: Reading { rig, records: prepared }, fit, is_open: reading_open } =
+        fit::fit_as_read(&rig, &ranges, &prepared, &settings, show);
     let is_late = !fit.interrupted
         && fit.misfit.mean_square() > SUSPECT
         && fit::is_command_late(&rig, &ranges, &records, &settings);
@@ -310,7 +310,7 @@ fn fit_records(
         record_notes,
         prepared,
         fit,
-        path_open,
+        reading_open,
         population,
         reading: options.input.json(),
         search: json!({ "population": options.population, "budget": options.budget }),

@@ -47,6 +47,9 @@ pub struct Parameters {
     pub spool_friction: f64,
     /// `FSDS`, static over dynamic friction of the spool.
     pub spool_friction_ratio: f64,
+    /// Does the spool stick as soon as `abs(ASV*PF) <= FSS`? Otherwise it slides until the force has fallen to its dynamic
+    /// friction.
+    pub spool_sticks_below_breakaway: bool,
     /// `XSM`, spool end stop (m).
     pub spool_stop: f64,
     /// `PSR`, supply minus return pressure (Pa). The effect `supply-pressure` is `k = PSR/PSR0`: it limits the
@@ -136,6 +139,7 @@ impl Default for Parameters {
             spool_viscosity: 1000.0,
             spool_friction: 7.0,
             spool_friction_ratio: 1.2,
+            spool_sticks_below_breakaway: false,
             spool_stop: 0.6e-3,
             supply_pressure: 2e7,
             nominal_supply_pressure: 2e7,

@@ -202,6 +202,7 @@ impl Runner<'_> {
         let spool = match (p.valve, contacts.spool_slide) {
             (Valve::FirstOrder { .. }, _) => 1.0,
             (_, 0.0) => p.spool_friction - signals.spool_drive.abs(),
+            (_, slide) if p.spool_sticks_below_breakaway => slide * signals.spool_drive - p.spool_friction,
             (_, slide) => slide * signals.spool_drive - p.spool_friction / p.spool_friction_ratio,
         };
         let jack = match contacts.jack_slide {
