@@ -247,16 +247,34 @@ fn when_the_spool_sticks_is_no_effect() {
         let mut plant = faulty();
         plant.parameters.spool_sticks_below_breakaway = sticks;
         plant.effects.friction_asymmetry = friction_asymmetry;
-        let directory = tempfile::tempdir().unwrap();
-        let [chirp, mixed, held] = [(Command::CHIRP, 1), (Command::Mixed, 2), (Command::MixedStep, 3)]
-            .map(|(command, seed)| save_finely(directory.path(), &plant, &command, seed));
-        let result = host_sim("diagnose", |command| command.args([chirp, mixed]).arg("--holdout").arg(held));
+        let result = diagnose_finely(&plant);
         let ratio = &result["config"]["parameters"]["spool_rest_ratio"];
         assert_eq!(ratio.as_f64(), sticks.then_some(1.2), "{result:#}");
         assert_eq!(class(&result), effect.into_iter().collect::<Vec<_>>(), "{result:#}");
         assert_ne!(result["verdict"], "unexplained", "{result:#}");
         faults_are_right(&result, 5.0, "a spool that sticks");
     }
+}
+
+/// The verdict and the effects of a plant with fine sensors.
+fn diagnose_finely(plant: &Plant) -> Value {
+    let directory = tempfile::tempdir().unwrap();
+    let [chirp, mixed, held] = [(Command::CHIRP, 1), (Command::Mixed, 2), (Command::MixedStep, 3)]
+        .map(|(command, seed)| save_finely(directory.path(), plant, &command, seed));
+    host_sim("diagnose", |command| command.args([chirp, mixed]).arg("--holdout").arg(held))
+}
+
+#[test]
+fn an_offset_of_the_users_sensor_does_not_move_the_start_of_the_ram() {
+    let mut plant = faulty();
+    plant.parameters.feedback_play = 1.596e-5;
+    plant.effects.sensor_offset = 1.5e-4;
+    let result = diagnose_finely(&plant);
+    assert_eq!(result["verdict"], "explained", "{result:#}");
+    assert!(
+        ["feedback-play", "sensor-offset"].iter().all(|name| class(&result).contains(&(*name).to_owned()))
+    );
+    faults_are_right(&result, 5.0, "a play and an offset");
 }
 
 #[test]

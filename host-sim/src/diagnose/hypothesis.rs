@@ -341,6 +341,17 @@ impl Hypothesis {
         Some(self.joined(case, Candidate { effect, ranges, fit }))
     }
 
+    /// The model with one of its effects looked for anew beside the others.
+    pub(super) fn again(&self, case: &Case<'_>, effect: &'static EffectInfo) -> Option<Self> {
+        let without = self.without(case, effect);
+        let Self { rig, ranges, .. } = &without;
+        let signatures = Signatures::new(rig, ranges, case.train());
+        let prospect = candidate::look(effect, rig, ranges, case.train(), &signatures)?;
+        let near = prospect.approach(rig, case.train(), &[], MANY_STEPS)?;
+        let found = near.finished(rig, case.train())?;
+        Some(without.joined(case, found))
+    }
+
     /// The model with one more effect that all records ask for, where the fitted ones alone ask for nothing more.
     fn asked_by_all(&self, case: &Case<'_>) -> Vec<Self> {
         let whole = Case { fitted: case.records.len(), ..*case };

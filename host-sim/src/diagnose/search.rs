@@ -5,6 +5,7 @@ use super::weighing::Earned;
 use super::{Case, Watch};
 use crate::fit::{FitSettings, TOLD_APART};
 use crate::interrupt;
+use rayon::prelude::*;
 use std::iter;
 
 /// Most effects that are added.
@@ -29,6 +30,7 @@ pub(super) fn search(
     let tried = iter::once(root.clone()).chain(known).collect();
     let mut growth = Growth { case, watch, tried };
     growth.run(vec![root], [0.0, 0.6]);
+    growth.look_again();
     growth.run_from_afar(settings);
     let mut tried = growth.tried;
     watch("testing what was found", 0.9);
@@ -112,6 +114,25 @@ impl Growth<'_> {
         next.extend(unwelcome);
         next.truncate(if is_explained { 1 } else { BEAM });
         next
+    }
+
+    /// Where nothing that was tried leaves noise: looks for each effect of the best beside the others, since each was found
+    /// beside fewer, and grows what is better for it.
+    fn look_again(&mut self) {
+        let case = self.case;
+        let is_done = interrupt::requested() || self.tried.iter().any(|known| known.leaves_noise(case));
+        let several = self.tried.iter().filter(|known| known.added.len() > 1);
+        let scale = self.tried.iter().map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
+        let best = several.min_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)));
+        let Some(best) = best.filter(|_| !is_done) else { return };
+        (self.watch)("looking again for what was found", 0.6);
+        let anew = best.added.par_iter().filter_map(|effect| best.again(case, effect));
+        let anew = anew.min_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)));
+        if let Some(better) = anew.filter(|anew| anew.cost(scale) < best.cost(scale) - TOLD_APART) {
+            self.tried.retain(|known| !known.same_effects(&better));
+            self.tried.push(better.clone());
+            self.run(vec![better], [0.6, 0.65]);
+        }
     }
 
     /// Where nothing that was tried leaves noise: grows what a search from afar finds to be better than all of it.

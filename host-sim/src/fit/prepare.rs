@@ -16,7 +16,9 @@ use std::f64::consts::{PI, SQRT_2};
 use std::slice;
 
 const MEASURED: usize = Channel::MEASURED.len();
-/// Place of [`Channel::Current`] among them.
+/// Places of user position, ram position and current among them.
+const USER: usize = 0;
+const RAM: usize = 1;
 const CURRENT: usize = 2;
 
 /// Samples that are averaged for the position at a start that is not the commanded one.
@@ -346,6 +348,11 @@ pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepa
     let values = |channel: Channel| record.channel(channel).map(<[f64]>::to_vec);
     let mut command = values(Channel::Command).unwrap_or_default();
     let position = values(Channel::UserPosition).unwrap_or_default();
+    // Where the ram is measured, that says where it starts: the user's sensor may have an offset.
+    let (ram, ram_noise) = match values(Channel::RamPosition) {
+        Some(ram) if noise[RAM].is_finite() => (ram, noise[RAM]),
+        _ => (position.clone(), noise[USER]),
+    };
     let load = values(Channel::Load);
     let drive = values(Channel::Drive).filter(|_| rig.form.drive == Drive::Force);
     let law = rig.controller;
@@ -378,11 +385,10 @@ pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepa
         let starts = (0..command.len()).step_by(stretch).map(|at| moving_start(&position, at, sample_period));
         (starts.collect(), stretch, 1)
     } else {
-        let first: Vec<f64> =
-            position.iter().copied().filter(|x| x.is_finite()).take(START_SAMPLES).collect();
+        let first: Vec<f64> = ram.iter().copied().filter(|x| x.is_finite()).take(START_SAMPLES).collect();
         let mean = first.iter().sum::<f64>() / first.len().max(1) as f64;
         let commanded = command.first().copied().unwrap_or(mean);
-        let at_command = first.first().is_none_or(|x| (x - commanded).abs() <= START_SIGMA * noise[0]);
+        let at_command = first.first().is_none_or(|x| (x - commanded).abs() <= START_SIGMA * ram_noise);
         if at_command {
             (vec![Start { ram: commanded, ..Start::default() }], command.len(), 0)
         } else {
@@ -412,7 +418,7 @@ pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepa
     };
     let mut prepared = on_lines.along(rig);
     if law.is_none() && restart.is_none() && settle > 0 {
-        let moving = moving_start(&position, 0, sample_period);
+        let moving = moving_start(&ram, 0, sample_period);
         prepared.settle = prepared.forgets(rig, moving).clamp(settle, prepared.len() / 2);
     }
     prepared
