@@ -188,11 +188,6 @@ impl<T: Real> Corridor<T> {
             let (from, to, swing) = (from[index], to[index], swing[index]);
             let (lower, upper) = (self.lower[index], self.upper[index]);
             let detour = detour.get(index).copied().unwrap_or(T::ZERO);
-            let (least, most) = if from < to { (from, to) } else { (to, from) };
-            let margin = swing.magnitude() * quarter + detour;
-            if least - margin >= lower && most + margin <= upper {
-                continue;
-            }
             let slack = if index == FLAPPER { self.slack } else { T::ZERO };
             look(from - lower, to - lower, detour - swing * quarter, slack);
             look(upper - from, upper - to, detour + swing * quarter, slack);
