@@ -116,15 +116,22 @@ impl Growth<'_> {
         next
     }
 
+    /// Does something that was tried leave noise, or is the user in a hurry?
+    fn is_done(&self) -> bool {
+        interrupt::requested() || self.tried.iter().any(|known| known.leaves_noise(self.case))
+    }
+
     /// Where nothing that was tried leaves noise: looks for each effect of the best beside the others, since each was found
     /// beside fewer, and grows what is better for it.
     fn look_again(&mut self) {
+        if self.is_done() {
+            return;
+        }
         let case = self.case;
-        let is_done = interrupt::requested() || self.tried.iter().any(|known| known.leaves_noise(case));
         let several = self.tried.iter().filter(|known| known.added.len() > 1);
         let scale = self.tried.iter().map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
         let best = several.min_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)));
-        let Some(best) = best.filter(|_| !is_done) else { return };
+        let Some(best) = best else { return };
         (self.watch)("looking again for what was found", 0.6);
         let anew = best.added.par_iter().filter_map(|effect| best.again(case, effect));
         let anew = anew.min_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)));
@@ -137,10 +144,10 @@ impl Growth<'_> {
 
     /// Where nothing that was tried leaves noise: grows what a search from afar finds to be better than all of it.
     fn run_from_afar(&mut self, settings: &FitSettings) {
-        let Self { case, watch, tried } = &*self;
-        if interrupt::requested() || tried.iter().any(|known| known.leaves_noise(case)) {
+        if self.is_done() {
             return;
         }
+        let Self { case, watch, tried } = &*self;
         watch("searching from afar", 0.65);
         let bound = tried.iter().map(|known| known.train.misfit.chi_square).fold(f64::INFINITY, f64::min);
         let Some(root) = tried.iter().find(|known| known.added.is_empty()).cloned() else { return };

@@ -46,8 +46,8 @@ pub const BETTER_VALLEY: f64 = 1.0;
 /// Twice the logarithm of the odds (100 to 1) below which two models of as many parameters are not told apart.
 pub const TOLD_APART: f64 = 9.2;
 
-/// Share of what straight lines leave beyond noise that a curve must undercut to be the command's path though it leaves
-/// more than noise itself.
+/// Share of what one reading leaves beyond noise that another must undercut to be taken though it leaves more than noise
+/// itself.
 const SHARE_LEFT: f64 = 0.5;
 
 /// How a fit is made.
