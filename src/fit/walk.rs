@@ -130,7 +130,7 @@ impl<T: Real> Walk<T> {
     }
 
     /// Samples to come before the walk starts anew.
-    pub fn left(&self, record: &Record<'_, T>) -> usize {
+    pub(super) fn left(&self, record: &Record<'_, T>) -> usize {
         if self.left == 0 { record.stretch.max(1) } else { self.left }
     }
 

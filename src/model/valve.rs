@@ -72,11 +72,6 @@ impl<T: Real> PilotStage<T> {
         (static_force - self.damping * velocity) / (self.mass + self.damping * step * T::literal(0.5))
     }
 
-    /// Spool position, as the feedback spring feels it, that balances a flapper at a position, m.
-    pub fn balanced_sensed_spool(&self, motor_force: T, flapper: T) -> T {
-        self.static_force(motor_force, T::ZERO, flapper) / self.feedback_stiffness
-    }
-
     /// Position at which the flapper is in balance, m: its static form.
     #[inline(always)]
     pub fn balanced_position(&self, motor_force: T, sensed_spool: T) -> T {
