@@ -38,21 +38,22 @@ impl<T: Real> Motion<T> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Follower<T> {
     half_backlash: T,
+    lvdt: Lvdt<T>,
     user: T,
-    lvdt: LvdtState<T>,
+    state: LvdtState<T>,
 }
 
 impl<T: Real> Follower<T> {
     /// The output of an actuator, at rest at zero.
     pub fn of(actuator: &Actuator<T>) -> Self {
         let half_backlash = actuator.model.half_backlash();
-        Self { half_backlash, user: T::ZERO, lvdt: LvdtState::at_rest(T::ZERO) }
+        Self { half_backlash, lvdt: actuator.lvdt, user: T::ZERO, state: LvdtState::at_rest(T::ZERO) }
     }
 
     /// Rests at a user position, m, from now on.
     pub fn restart(&mut self, user: T) {
         self.user = user;
-        self.lvdt = LvdtState::at_rest(user);
+        self.state = LvdtState::at_rest(user);
     }
 
     /// Follows the ram to a position, m.
@@ -61,9 +62,10 @@ impl<T: Real> Follower<T> {
         self.user = play(ram, self.user, self.half_backlash);
     }
 
-    /// What the LVDT of its actuator shows. Call it once a sample.
-    pub fn shown(&mut self, actuator: &Actuator<T>) -> T {
-        actuator.lvdt.sample(&mut self.lvdt, self.user)
+    /// What its LVDT shows. Call it once a sample.
+    #[inline(always)]
+    pub fn shown(&mut self) -> T {
+        self.lvdt.sample(&mut self.state, self.user)
     }
 }
 

@@ -40,7 +40,7 @@ fn a_follower_shows_what_its_own_simulation_would() {
     let mut differences = 0;
     while let Some((sample, own)) = alone.next(&record, &mut steppers[0]) {
         let (_, led) = leader.lead(&record, &mut steppers[1], &mut follower).expect("as many samples");
-        let shown = follower[0].as_mut().map(|follower| follower.shown(alone.actuator()));
+        let shown = follower[0].as_mut().map(Follower::shown);
         assert_eq!(shown, Some(own.user), "sample {sample}");
         differences += u32::from(own.user != led.user);
     }

@@ -9,7 +9,7 @@ mod common;
 use common::{PERIOD, Rig, Trace, command};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::gauss_newton::{self, Finish};
-use eha_monitor::fit::identify::{Identification, Progress, Settings, StopReason};
+use eha_monitor::fit::identify::{Identification, Progress, Settings, StopReason, TOGETHER};
 use eha_monitor::fit::problem::{Free, Noise, Problem, Record, Start};
 use eha_monitor::ga::SteadyState;
 use eha_monitor::integrate::exact::Exact;
@@ -350,6 +350,13 @@ fn giving_up_on_a_candidate_changes_nothing_that_follows() {
         let last = search.result().map(|found| found.genes);
         let progress = search.advance(&problem, &mut steppers);
         match progress {
+            Progress::Filled => {
+                let group: [_; TOGETHER] = in_full.ask_together(|gene| problem.is_output(gene));
+                for genes in group {
+                    in_full.insert(&genes, problem.misfit(&genes, &mut steppers[0]).mean_square());
+                }
+                has_given_up |= search.search() != &in_full;
+            }
             Progress::Child(outcome) => {
                 let genes = in_full.ask();
                 assert_eq!(&genes, search.search().last_child());

@@ -9,7 +9,6 @@ use super::walk::Walk;
 use crate::integrate::Stepper;
 use crate::model::Model;
 use crate::model::state::Outputs;
-use crate::parameter::Reach;
 use crate::scalar::{Real, Scalar};
 use crate::simulate::Follower;
 use nalgebra::{RealField, SMatrix, SVector};
@@ -117,19 +116,19 @@ where
         let mut followers: [Option<Follower<T>>; GENES] =
             walks.each_ref().map(|walk| Follower::of(walk.actuator())).map(Some);
         for (gene, follower) in followers.iter_mut().enumerate() {
-            if !is_output(problem, gene) {
+            if !problem.is_output(gene) {
                 *follower = None;
             }
         }
         let mut level = record.offset_unknown.then(Level::<T, GENES>::new);
         loop {
             let mut chunk = Chunk::<T, GENES>::new();
-            chunk.fill_base(record, &mut walk, select(steppers, 0, shared), &walks, &mut followers);
+            chunk.fill_base(record, &mut walk, select(steppers, 0, shared), &mut followers);
             if chunk.filled == 0 {
                 break;
             }
             for (gene, walk) in walks.iter_mut().enumerate().take(active) {
-                if is_output(problem, gene) {
+                if problem.is_output(gene) {
                     continue;
                 }
                 let stepper = select(steppers, gene + 1, shared);
@@ -181,14 +180,6 @@ impl<T: Real + RealField, const GENES: usize> Level<T, GENES> {
     }
 }
 
-/// Does a gene change the output of the motion only? Its neighbour then follows the base model.
-fn is_output<T: Real>(problem: &Problem<'_, T>, gene: usize) -> bool {
-    problem
-        .free
-        .get(gene)
-        .is_some_and(|free| Model::<T>::reach(problem.form, free.parameter) == Reach::Output)
-}
-
 fn select<S>(steppers: &mut [S], model: usize, shared: bool) -> &mut S {
     let index = if shared { 0 } else { model };
     &mut steppers[index]
@@ -232,16 +223,15 @@ impl<T: Real + RealField, const GENES: usize> Chunk<T, GENES> {
         record: &Record<'_, T>,
         walk: &mut Walk<T>,
         stepper: &mut S,
-        neighbours: &[Walk<T>; GENES],
         followers: &mut [Option<Follower<T>>; GENES],
     ) {
         let compared = record.compared();
         let (mut places, mut filled) = (self.samples.iter_mut(), 0);
         walk.lead_on(record, stepper, followers, CHUNK, |sample, outputs, followers| {
             let Some(place) = places.next() else { return };
-            for (gene, (follower, neighbour)) in followers.iter_mut().zip(neighbours).enumerate() {
+            for (gene, follower) in followers.iter_mut().enumerate() {
                 if let Some(follower) = follower {
-                    let user = follower.shown(neighbour.actuator());
+                    let user = follower.shown();
                     place.compare(&compared, sample, gene, &Outputs { user, ..*outputs });
                 }
             }
@@ -398,7 +388,7 @@ where
     S: Stepper<T>,
 {
     let active = problem.free.len().min(GENES);
-    let cost_of_normal = 1 + (0..active).filter(|&gene| !is_output(problem, gene)).count() as u32;
+    let cost_of_normal = 1 + (0..active).filter(|&gene| !problem.is_output(gene)).count() as u32;
     let mut here = *genes;
     let mut normal = normal_equations(problem, &here, settings.difference, steppers);
     let mut evaluations = cost_of_normal;

@@ -45,9 +45,14 @@ pub enum StopReason {
     Budget,
 }
 
+/// Members of the first population that share one motion, where any gene changes the output only.
+pub const TOGETHER: usize = 4;
+
 /// What one call of [`Identification::advance`] did.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Progress {
+    /// Members of the first population that share one motion were evaluated.
+    Filled,
     /// One child was evaluated.
     Child(Outcome),
     /// A finish was made.
@@ -56,7 +61,7 @@ pub enum Progress {
     Done(StopReason),
 }
 
-/// An identification in progress: one call, one child or one finish.
+/// An identification in progress: one call, one child, one motion of the first population, or one finish.
 #[derive(Clone, Debug)]
 pub struct Identification<T, const GENES: usize, const SIZE: usize> {
     settings: Settings<T>,
@@ -104,7 +109,7 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
         }
         if self.search.counters().evaluations < self.next_finish && self.evaluations < self.settings.budget {
             let Some(stepper) = steppers.first_mut() else { return Progress::Done(StopReason::Budget) };
-            return Progress::Child(self.evaluate(problem, stepper));
+            return self.evaluate(problem, stepper);
         }
         let Some(start) = self.next_start(problem.free.len()) else {
             self.stop = Some(StopReason::Budget);
@@ -154,13 +159,13 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
         start.or_else(|| self.search.best()).map(|(genes, _)| *genes)
     }
 
-    /// Evaluates the next child, no further than it takes to see that it does not matter.
+    /// Evaluates the next child, or the next members of the first population, no further than it takes to see that they do
+    /// not matter.
     ///
     /// Of the first population the first finish wants the best only, so a member that is worse is given up; should the
     /// search go on, it is [completed](Self::complete). Later, a child that is worse than all members is rejected in any
     /// case.
-    fn evaluate<S: Stepper<T>>(&mut self, problem: &Problem<'_, T>, stepper: &mut S) -> Outcome {
-        let genes = self.search.ask();
+    fn evaluate<S: Stepper<T>>(&mut self, problem: &Problem<'_, T>, stepper: &mut S) -> Progress {
         let rejection = self.search.rejection_cost();
         let limit = rejection.or_else(|| self.search.best().map(|(_, cost)| cost));
         let bound = match (limit, self.count) {
@@ -169,7 +174,23 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
             _ => T::ONE / T::ZERO,
         };
         self.evaluations += 1;
-        let mut misfit = problem.misfit_within(&genes, stepper, bound);
+        if rejection.is_some() || !(0..problem.free.len()).any(|gene| problem.is_output(gene)) {
+            let genes = self.search.ask();
+            let misfit = problem.misfit_within(&genes, stepper, bound);
+            return Progress::Child(self.admit(&genes, misfit, bound));
+        }
+        let group: [_; TOGETHER] = self.search.ask_together(|gene| problem.is_output(gene));
+        let [leader, others @ ..] = &group;
+        let others = others.each_ref().map(<[T; GENES]>::as_slice);
+        let (misfit, misfits) = problem.misfits_within(leader, others, stepper, bound);
+        for (genes, misfit) in group.iter().zip(core::iter::once(misfit).chain(misfits)) {
+            self.admit(genes, misfit, bound);
+        }
+        Progress::Filled
+    }
+
+    /// Takes a child into the search, with what it cost, or had cost when it was given up.
+    fn admit(&mut self, genes: &[T; GENES], mut misfit: Misfit<T>, bound: T) -> Outcome {
         let is_given_up = misfit.chi_square > bound;
         if is_given_up {
             misfit.count = self.count.unwrap_or(misfit.count);
@@ -177,7 +198,7 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
             self.count = Some(misfit.count);
         }
         let place = self.search.members().count();
-        let outcome = self.search.tell(misfit.mean_square());
+        let outcome = self.search.insert(genes, misfit.mean_square());
         if outcome == Outcome::Filled
             && let Some(given_up) = self.given_up.get_mut(place)
         {

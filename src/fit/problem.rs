@@ -8,6 +8,7 @@ use crate::model::state::Outputs;
 use crate::model::{Form, Model};
 use crate::parameter::{Parameter, Parameters, Reach};
 use crate::scalar::Real;
+use crate::simulate::{Actuator, Follower};
 
 /// Number of channels that the model predicts.
 pub const MEASURED: usize = Channel::MEASURED.len();
@@ -224,6 +225,7 @@ impl<T: Real> Compared<'_, T> {
 }
 
 /// Sums over residuals in units of their noise.
+#[derive(Clone, Copy)]
 struct Sums<T> {
     level: Offset<T>,
     /// Sum of squares.
@@ -314,27 +316,55 @@ impl<T: Real> Problem<'_, T> {
         self.misfit_within(genes, stepper, T::ONE / T::ZERO)
     }
 
+    /// Does a gene change the output of the motion only (backlash, LVDT)? Candidates that differ in it alone share one
+    /// motion.
+    pub fn is_output(&self, gene: usize) -> bool {
+        let free = self.free.get(gene);
+        free.is_some_and(|free| Model::<T>::reach(self.form, free.parameter) == Reach::Output)
+    }
+
     /// Misfit of a set of genes, given up as soon as chi-square is above a bound: what has been summed by then. Further
     /// samples could only add to it, also where an offset is unknown: the best one for more samples is no better for
     /// fewer.
     pub fn misfit_within<S: Stepper<T>>(&self, genes: &[T], stepper: &mut S, bound: T) -> Misfit<T> {
+        self.misfits_within(genes, [], stepper, bound).0
+    }
+
+    /// Misfits of a set of genes and of others that [differ in their output only](Self::is_output), in one evaluation.
+    /// They are given up as soon as chi-square of all of them is above a bound.
+    pub fn misfits_within<S: Stepper<T>, const OTHERS: usize>(
+        &self,
+        genes: &[T],
+        others: [&[T]; OTHERS],
+        stepper: &mut S,
+        bound: T,
+    ) -> (Misfit<T>, [Misfit<T>; OTHERS]) {
         let model = self.model(genes);
-        let mut misfit = Misfit { chi_square: T::ZERO, count: 0 };
+        let mut leader = Tally::NONE;
+        let mut followed = [Tally::NONE; OTHERS];
         let mut rig_changed = self.moves_dynamics();
         let mut predicted = [[T::ZERO; BETWEEN_LOOKS]; MEASURED];
+        let mut users = [[T::ZERO; BETWEEN_LOOKS]; OTHERS];
         for record in self.records {
             stepper.begin(record.sample_period, record.has_force(), rig_changed);
             rig_changed = false;
             let mut walk = Walk::new(&model, record);
+            let mut followers = others
+                .map(|genes| Some(Follower::of(&Actuator::new(self.model(genes), record.sample_period))));
             let compared = record.compared();
-            let mut offset = Offset::NONE;
             while walk.has_next(record) {
                 let (mut first, mut filled) = (0, 0);
                 let most = walk.left(record).min(BETWEEN_LOOKS);
-                walk.lead_on(record, stepper, &mut [], most, |sample, outputs, _| {
+                walk.lead_on(record, stepper, &mut followers, most, |sample, outputs, followers| {
                     for (channel, output) in predicted.iter_mut().zip(outputs.to_array()) {
                         if let Some(place) = channel.get_mut(filled) {
                             *place = output;
+                        }
+                    }
+                    for (users, follower) in users.iter_mut().zip(followers.iter_mut().flatten()) {
+                        let user = follower.shown();
+                        if let Some(place) = users.get_mut(filled) {
+                            *place = user;
                         }
                     }
                     filled += 1;
@@ -342,23 +372,57 @@ impl<T: Real> Problem<'_, T> {
                 });
                 let settling = record.settling(first);
                 for (channel, predicted) in predicted.iter().enumerate() {
-                    let predicted = predicted.get(settling..filled).unwrap_or_default();
-                    let sums = compared.sums(channel, first + settling, predicted);
-                    misfit.chi_square += sums.squares;
-                    misfit.count += sums.level.count;
-                    if record.offset_unknown && channel == Offset::<T>::CHANNEL {
-                        offset.join(&sums.level);
+                    let sums_of = |predicted: &[T]| {
+                        let predicted = predicted.get(settling..filled).unwrap_or_default();
+                        compared.sums(channel, first + settling, predicted)
+                    };
+                    let sums = sums_of(predicted);
+                    let is_user = channel == Offset::<T>::CHANNEL;
+                    let is_level = record.offset_unknown && is_user;
+                    leader.add(sums, is_level);
+                    for (tally, users) in followed.iter_mut().zip(&users) {
+                        tally.add(if is_user { sums_of(users) } else { sums }, is_level);
                     }
                 }
-                if misfit.chi_square - offset.square() > bound {
+                if leader.is_above(bound) && followed.iter().all(|tally| tally.is_above(bound)) {
                     break;
                 }
             }
-            misfit.chi_square -= offset.square();
-            if misfit.chi_square > bound {
-                return misfit;
+            leader.close();
+            followed.iter_mut().for_each(Tally::close);
+            if leader.is_above(bound) && followed.iter().all(|tally| tally.is_above(bound)) {
+                break;
             }
         }
-        misfit
+        (leader.misfit, followed.map(|tally| tally.misfit))
+    }
+}
+
+/// A misfit that is being summed.
+#[derive(Clone, Copy)]
+struct Tally<T> {
+    misfit: Misfit<T>,
+    /// What an unknown offset of the present record takes away of it.
+    level: Offset<T>,
+}
+
+impl<T: Real> Tally<T> {
+    const NONE: Self = Self { misfit: Misfit { chi_square: T::ZERO, count: 0 }, level: Offset::NONE };
+
+    fn add(&mut self, sums: Sums<T>, is_level: bool) {
+        self.misfit.chi_square += sums.squares;
+        self.misfit.count += sums.level.count;
+        if is_level {
+            self.level.join(&sums.level);
+        }
+    }
+
+    fn is_above(&self, bound: T) -> bool {
+        self.misfit.chi_square - self.level.square() > bound
+    }
+
+    /// The end of a record.
+    fn close(&mut self) {
+        self.misfit.chi_square -= core::mem::replace(&mut self.level, Offset::NONE).square();
     }
 }

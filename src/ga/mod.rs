@@ -120,7 +120,9 @@ impl<T: Real, const GENES: usize, const SIZE: usize> SteadyState<T, GENES, SIZE>
     pub fn ask(&mut self) -> [T; GENES] {
         let mut child = [T::ZERO; GENES];
         if self.filled < self.settings.population {
-            self.scatter(&mut child);
+            for (gene, value) in child.iter_mut().take(self.active).enumerate() {
+                *value = self.scatter(gene, self.filled, self.population());
+            }
         } else {
             self.breed(&mut child);
         }
@@ -128,19 +130,39 @@ impl<T: Real, const GENES: usize, const SIZE: usize> SteadyState<T, GENES, SIZE>
         child
     }
 
-    /// One member of an evenly spread first population: each gene's range is cut into as many strata as there are
-    /// members, and a fixed stride deals the strata out (a Latin square), with a random place inside each.
-    fn scatter(&mut self, child: &mut [T; GENES]) {
-        let members = self.population();
-        for (gene, value) in child.iter_mut().take(self.active).enumerate() {
-            let mut stride = 1 + gene * (members / 3).max(1);
-            while common_divisor(stride, members) != 1 {
-                stride += 1;
+    /// Genes of the next members of the first population, evenly spread in every gene, that are alike in all genes but
+    /// those that `may_differ`. Their costs are told with [`insert`](Self::insert), in their order.
+    pub fn ask_together<const MEMBERS: usize>(
+        &mut self,
+        may_differ: impl Fn(usize) -> bool,
+    ) -> [[T; GENES]; MEMBERS] {
+        let mut members = [[T::ZERO; GENES]; MEMBERS];
+        let groups = self.population().div_ceil(MEMBERS.max(1));
+        for gene in 0..self.active {
+            let alike = self.scatter(gene, self.filled / MEMBERS.max(1), groups);
+            for (place, member) in members.iter_mut().enumerate() {
+                if let Some(value) = member.get_mut(gene) {
+                    *value = if may_differ(gene) {
+                        self.scatter(gene, self.filled + place, self.population())
+                    } else {
+                        alike
+                    };
+                }
             }
-            let stratum = (self.filled * stride + gene) % members;
-            *value =
-                (T::from_count(stratum as u32) + self.random.uniform::<T>()) / T::from_count(members as u32);
         }
+        members
+    }
+
+    /// A gene of one of some places that are evenly spread: its range is cut into as many strata, and a fixed stride
+    /// deals the strata out (a Latin square), with a random place inside each.
+    fn scatter(&mut self, gene: usize, place: usize, places: usize) -> T {
+        let places = places.max(1);
+        let mut stride = 1 + gene * (places / 3).max(1);
+        while common_divisor(stride, places) != 1 {
+            stride += 1;
+        }
+        let stratum = (place * stride + gene) % places;
+        (T::from_count(stratum as u32) + self.random.uniform::<T>()) / T::from_count(places as u32)
     }
 
     fn breed(&mut self, child: &mut [T; GENES]) {

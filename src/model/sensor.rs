@@ -7,7 +7,7 @@ use crate::scalar::Real;
 pub const DELAY_LINE: usize = 34;
 
 /// Constants of the LVDT at one sample period.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lvdt<T> {
     offset: T,
     gain: T,

@@ -426,10 +426,10 @@ fn search<S: Stepper<f64>>(
         let best = identification.search().best().map_or(f64::INFINITY, |(_, cost)| cost);
         match progress {
             Progress::Done(reason) => break reason,
-            Progress::Child(_) => searching += started.elapsed().as_secs_f64() - before,
+            Progress::Filled | Progress::Child(_) => searching += started.elapsed().as_secs_f64() - before,
             Progress::Finished => {}
         }
-        visits.push(visit(problem, &identification, progress == Progress::Finished));
+        note_visits(&mut visits, problem, &identification, progress);
         watch(Standing {
             evaluations: identification.evaluations(),
             budget: settings.budget,
@@ -502,20 +502,28 @@ fn estimates(
     problem.free.iter().enumerate().map(estimate).collect()
 }
 
-/// The place of the last child, or of the best finish.
-fn visit(
+/// Notes the places at which the search has been since the last call: new members of the first population, the last child,
+/// or the best finish.
+fn note_visits(
+    visits: &mut Vec<Visit>,
     problem: &Problem<'_, f64>,
     identification: &Identification<f64, MAX_FREE, MAX_POPULATION>,
-    finish: bool,
-) -> Visit {
+    progress: Progress,
+) {
     let search = identification.search();
-    let genes =
-        identification.result().filter(|_| finish).map_or(search.last_child(), |result| &result.genes);
     let costs = || search.members().map(|(_, cost)| cost);
-    Visit {
-        values: problem.free.iter().zip(genes).map(|(free, &gene)| free.value(gene)).collect(),
-        best: costs().fold(f64::INFINITY, f64::min),
-        worst: costs().fold(0.0, f64::max),
-        finish,
+    let (best, worst) = (costs().fold(f64::INFINITY, f64::min), costs().fold(0.0, f64::max));
+    let finish = progress == Progress::Finished;
+    let visit = |genes: &[f64; MAX_FREE]| {
+        let values = problem.free.iter().zip(genes).map(|(free, &gene)| free.value(gene)).collect();
+        Visit { values, best, worst, finish }
+    };
+    match (progress, identification.result()) {
+        (Progress::Filled, _) => {
+            let new = visits.len();
+            visits.extend(search.members().skip(new).map(|(genes, _)| visit(genes)));
+        }
+        (Progress::Finished, Some(result)) => visits.push(visit(&result.genes)),
+        _ => visits.push(visit(search.last_child())),
     }
 }
