@@ -218,6 +218,15 @@ impl<'a> Case<'a> {
         &self.records[self.fitted..]
     }
 
+    /// The records with excerpts in place of the long ones; none where all are short.
+    fn excerpts(&self) -> Option<Vec<Prepared>> {
+        let excerpts: Vec<Option<Prepared>> = self.records.iter().map(Prepared::excerpt).collect();
+        let or_whole =
+            |(excerpt, whole): (Option<Prepared>, &Prepared)| excerpt.unwrap_or_else(|| whole.clone());
+        let is_any = excerpts.iter().any(Option::is_some);
+        is_any.then(|| excerpts.into_iter().zip(self.records).map(or_whole).collect())
+    }
+
     /// Do predictions of all records leave no more than noise of them?
     fn is_noise_left(&self, predictions: &[Vec<Outputs<f64>>]) -> bool {
         let (train, holdout) = predictions.split_at(self.fitted);
@@ -292,6 +301,8 @@ struct Answer {
     model: Hypothesis,
     /// What the fitted records alone speak for.
     asked: Hypothesis,
+    /// The models of one effect at most that were tried.
+    simple: Vec<Hypothesis>,
 }
 
 impl Answer {
@@ -377,7 +388,8 @@ fn diagnose_with_jumps(
 ///
 /// Records do not say what a command does between its samples, nor a rig when its spool sticks: the likeliest of the
 /// readings that the rig leaves open is taken (see [`Reading::all`]). Where another one makes a difference to what is found
-/// in that, and may be it as well, it is tried too.
+/// in that, and may be it as well, it is tried too; also where nothing explains the records in the first, and one effect
+/// leaves less of them in the other: what was missing may have spoken for the wrong one.
 fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Answer {
     watch("fitting the declared faults", 0.0);
     let own = Declared::of(case, settings);
@@ -395,29 +407,49 @@ fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) 
     let (here, declared) = read.swap_remove(fit::speaks_for(&misfits));
     let at_first = |what: &str, share: f64| watch(what, 0.6 * share);
     let mut answer = diagnose_from(here, declared, settings, &at_first);
-    let Answer { diagnosis, model: best, .. } = &mut answer;
+    let is_unexplained = answer.is_unexplained();
+    let Answer { diagnosis, model: best, simple, .. } = &mut answer;
     let scale = best.scale();
     let mut rivals = Vec::new();
     for (there, declared) in read {
         let moved = best.refitted(there);
-        if best.is_likelier(&moved) {
-            continue;
-        }
-        if diagnosis.verdict != Verdict::Unexplained {
+        let is_open = !best.is_likelier(&moved);
+        if is_open && !is_unexplained {
             diagnosis.hold(&moved.estimates(there, None));
         }
-        if readings_apart(&best.rig, here, there) >= TOLD_APART * scale {
-            rivals.push((moved.cost(scale), there, declared));
+        let differs = readings_apart(&best.rig, here, there) >= TOLD_APART * scale;
+        if differs && (is_open || is_unexplained) {
+            rivals.push((moved.cost(scale), is_open, there, declared));
         }
     }
     let likeliest = rivals.into_iter().min_by(|(a, ..), (b, ..)| a.total_cmp(b));
-    let Some((_, there, declared)) = likeliest else { return answer };
+    let Some((_, is_open, there, declared)) = likeliest else { return answer };
     if diagnosis.verdict == Verdict::Adequate || interrupt::requested() {
         return answer;
+    }
+    if !is_open {
+        watch("trying another reading", 0.6);
+        let excerpts = there.excerpts();
+        let searched = Case { records: excerpts.as_deref().unwrap_or(there.records), ..*there };
+        let others = search::first_round(&searched, declared.root.refitted(&searched));
+        if !leaves_less(&others, simple, scale) {
+            return answer;
+        }
     }
     let again = |what: &str, share: f64| watch(&format!("{what}, in another reading"), 0.6 + 0.4 * share);
     let other = diagnose_from(there, declared, settings, &again);
     if other.model.cost(scale) < best.cost(scale) { other } else { answer }
+}
+
+/// Does one of some models leave less than all of some others, of all records or of the fitted ones?
+fn leaves_less(some: &[Hypothesis], others: &[Hypothesis], scale: f64) -> bool {
+    let costs = [Hypothesis::cost, Hypothesis::cost_of_fitted];
+    costs.iter().any(|cost| {
+        let least = |models: &[Hypothesis]| {
+            models.iter().map(|model| cost(model, scale)).fold(f64::INFINITY, f64::min)
+        };
+        least(some) < least(others)
+    })
 }
 
 /// Chi-square between what a model predicts for records in two readings.
@@ -455,14 +487,9 @@ fn diagnose_from(
     watch: Watch<'_>,
 ) -> Answer {
     // Long records are searched in excerpts; what is found is then fitted to the whole.
-    let excerpts: Vec<Option<Prepared>> = case.records.iter().map(Prepared::excerpt).collect();
-    let in_excerpts = excerpts.iter().any(Option::is_some);
-    let searched: Vec<Prepared> = excerpts
-        .into_iter()
-        .zip(case.records)
-        .map(|(excerpt, whole)| excerpt.unwrap_or_else(|| whole.clone()))
-        .collect();
-    let searched = Case { records: &searched, timed: None, ..*case };
+    let excerpts = case.excerpts();
+    let in_excerpts = excerpts.is_some();
+    let searched = Case { records: excerpts.as_deref().unwrap_or(case.records), timed: None, ..*case };
     let in_them = |model: Hypothesis| if in_excerpts { model.refitted(&searched) } else { model };
     let known = case.timed.map(|timed| timed.model.clone()).filter(|known| !known.added.is_empty());
     let sound = search::search(&searched, in_them(root), known.map(in_them), settings, watch);
@@ -484,7 +511,7 @@ fn diagnose_from(
     };
     let open = Open { named, stand_ins, confounded };
     let diagnosis = conclude(case, before, &whole, &earned, &open);
-    Answer { diagnosis, model: whole, asked: sound.asked }
+    Answer { diagnosis, model: whole, asked: sound.asked, simple: sound.simple }
 }
 
 /// An empirical term is there to predict: as long as the held-out records are predicted worse than without any, the

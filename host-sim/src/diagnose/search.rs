@@ -33,8 +33,9 @@ pub(super) fn search(
     growth.look_again();
     growth.run_from_afar(settings);
     let mut tried = growth.tried;
+    let simple = tried.iter().filter(|known| known.added.len() <= 1).cloned().collect();
     watch("testing what was found", 0.9);
-    let mut sound = Sound::of(case, &mut tried);
+    let mut sound = Sound { simple, ..Sound::of(case, &mut tried) };
     sound.find_stand_ins(case);
     for _ in 0..MOST_EFFECTS {
         let scale = sound.best.scale();
@@ -48,10 +49,18 @@ pub(super) fn search(
         if next.is_as(&sound) {
             break;
         }
-        sound = next;
+        sound = Sound { simple: sound.simple, ..next };
         sound.find_stand_ins(case);
     }
     sound
+}
+
+/// The model with the declared faults alone, and those with one effect that its records ask for: what a reading of them is
+/// judged by before more is known.
+pub(super) fn first_round(case: &Case<'_>, mut root: Hypothesis) -> Vec<Hypothesis> {
+    let mut simple = root.grow(case, &[]);
+    simple.push(root);
+    simple
 }
 
 /// A beam search over effects.
@@ -168,6 +177,8 @@ pub(super) struct Sound {
     pub(super) best: Hypothesis,
     /// What the fitted records alone speak for.
     pub(super) asked: Hypothesis,
+    /// All that was tried with one effect at most.
+    pub(super) simple: Vec<Hypothesis>,
     pub(super) earned: Vec<Earned>,
     /// For each of its effects, the hypotheses with another in its place that do as well, where effects are a name.
     pub(super) stand_ins: Vec<Vec<Hypothesis>>,
@@ -178,7 +189,7 @@ impl Sound {
         let (best, earned) = soundest(case, tried);
         let root = tried.iter().find(|known| known.added.is_empty()).unwrap_or(&best).clone();
         let asked = asked(tried).unwrap_or(&best).clone();
-        Self { root, best, asked, earned, stand_ins: Vec::new() }
+        Self { root, best, asked, simple: Vec::new(), earned, stand_ins: Vec::new() }
     }
 
     fn find_stand_ins(&mut self, case: &Case<'_>) {
