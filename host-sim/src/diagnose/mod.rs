@@ -310,6 +310,16 @@ impl Answer {
         self.diagnosis.verdict == Verdict::Unexplained
     }
 
+    /// Do the records speak for it against one in another reading? All of them, or the fitted ones where both leave more
+    /// than noise: a command that jumps between samples may be what is left of the others.
+    fn is_better_than(&self, other: &Self, scale: f64) -> bool {
+        if self.is_unexplained() && other.is_unexplained() {
+            self.asked.cost_of_fitted(1.0) < other.asked.cost_of_fitted(1.0)
+        } else {
+            self.model.cost(scale) < other.model.cost(scale)
+        }
+    }
+
     /// The model beside which the times of jumps are fitted: where it explains nothing, they may have been wrong for what
     /// the fitted records ask for.
     fn to_be_timed(&self) -> &Hypothesis {
@@ -438,7 +448,7 @@ fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) 
     }
     let again = |what: &str, share: f64| watch(&format!("{what}, in another reading"), 0.6 + 0.4 * share);
     let other = diagnose_from(there, declared, settings, &again);
-    if other.model.cost(scale) < best.cost(scale) { other } else { answer }
+    if other.is_better_than(&answer, scale) { other } else { answer }
 }
 
 /// Does one of some models leave less than all of some others, of all records or of the fitted ones?
