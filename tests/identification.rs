@@ -347,7 +347,6 @@ fn giving_up_on_a_candidate_changes_nothing_that_follows() {
     let mut in_full = SteadyState::<f64, 2, 20>::new(settings.search, FREE.len(), 1);
     let (mut finishes, mut has_given_up) = (0, false);
     loop {
-        let last = search.result().map(|found| found.genes);
         let progress = search.advance(&problem, &mut steppers);
         match progress {
             Progress::Filled => {
@@ -364,14 +363,20 @@ fn giving_up_on_a_candidate_changes_nothing_that_follows() {
                 has_given_up |= search.search() != &in_full;
             }
             Progress::Finished => {
-                // A finish starts at the best that is not where the last one ended.
-                let is_elsewhere = |genes: &&[f64; 2]| {
-                    last.is_none_or(|last| genes.iter().zip(last).any(|(a, b)| (a - b).abs() > 0.05))
-                };
-                let members = in_full.members().filter(|(genes, _)| is_elsewhere(genes));
-                let (&best, _) = members.min_by(|a, b| a.1.total_cmp(&b.1)).expect("a member elsewhere");
-                let found = gauss_newton::finish(&problem, &best, &settings.finish, &mut steppers);
-                in_full.insert(&found.genes, found.normal.misfit.mean_square());
+                if finishes == 0 {
+                    let (&best, _) = in_full.best().expect("a population");
+                    let found = gauss_newton::finish(&problem, &best, &settings.finish, &mut steppers);
+                    assert_eq!(search.result(), Some(&found));
+                }
+                // What it found is in the place of the worst if it is better; but for that, all is as if each had been
+                // evaluated to the end.
+                let members = search.search().members().zip(in_full.members());
+                let found = members
+                    .filter(|(now, before)| now != before)
+                    .map(|((genes, cost), _)| (*genes, cost))
+                    .next();
+                let (genes, cost) = found.unwrap_or(([0.0; 2], f64::INFINITY));
+                in_full.insert(&genes, cost);
                 assert_eq!(search.search(), &in_full);
                 finishes += 1;
             }

@@ -269,7 +269,7 @@ pub const OPEN_READING: &str = "these records do not tell how the command goes f
 /// What the user should know of how records were read.
 pub fn reading_notes(rig: &Rig) -> Vec<String> {
     let command = match rig.command_path {
-        CommandPath::Lines => None,
+        CommandPath::Open | CommandPath::Lines => None,
         CommandPath::Curve => Some("goes from sample to sample on a curve, not in straight lines"),
         CommandPath::Held => Some("keeps the value of a sample until the next one, as the rig says"),
     };

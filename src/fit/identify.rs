@@ -1,6 +1,6 @@
 //! The whole search: genetic algorithm for the basin, Gauss-Newton for its bottom, and a reason for stopping.
 
-use super::gauss_newton::{self, Finish, finish};
+use super::gauss_newton::{self, Ending, Finish, finish};
 use super::problem::{Misfit, Problem};
 use crate::ga::{Counters, Outcome, Settings as SearchSettings, SteadyState};
 use crate::integrate::Stepper;
@@ -10,6 +10,13 @@ use nalgebra::RealField;
 /// Part of a parameter's range by which a place is elsewhere.
 const ELSEWHERE: f64 = 0.05;
 
+/// Finishes that are made of the first population before the search goes on, beyond the first: a valley of the wrong friction
+/// may look better than the right one from afar, but not at its bottom.
+const MORE_FINISHES: usize = 4;
+
+/// Motions over which a gene that changes the output only is swept, [`TOGETHER`] of its values along each.
+const SWEEP: usize = 5;
+
 /// How an identification is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings<T> {
@@ -17,7 +24,7 @@ pub struct Settings<T> {
     pub search: SearchSettings,
     /// The finish.
     pub finish: gauss_newton::Settings<T>,
-    /// Generations between two finishes; the first one starts at the best of the first population.
+    /// Generations between two finishes; the first ones start at the best of the first population.
     pub generations_between_finishes: u32,
     /// Evaluations of the model after which the search gives up.
     pub budget: u32,
@@ -74,6 +81,10 @@ pub struct Identification<T, const GENES: usize, const SIZE: usize> {
     count: Option<u32>,
     /// Which members have been given up as worse than the best? Their cost is a lower bound.
     given_up: [bool; SIZE],
+    /// Where the first finishes with a sweep started.
+    starts: [[T; GENES]; MORE_FINISHES],
+    /// Finishes so far.
+    finishes: usize,
 }
 
 impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<T, GENES, SIZE> {
@@ -91,6 +102,8 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
             stop: None,
             count: None,
             given_up: [false; SIZE],
+            starts: [[T::ZERO; GENES]; MORE_FINISHES],
+            finishes: 0,
         }
     }
 
@@ -111,19 +124,30 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
             let Some(stepper) = steppers.first_mut() else { return Progress::Done(StopReason::Budget) };
             return self.evaluate(problem, stepper);
         }
-        let Some(start) = self.next_start(problem.free.len()) else {
+        let Some((mut start, cost)) = self.next_start(problem) else {
             self.stop = Some(StopReason::Budget);
             return Progress::Done(StopReason::Budget);
         };
+        if let (Some(last), Some(stepper)) = (self.finishes.checked_sub(1), steppers.first_mut()) {
+            if let Some(place) = self.starts.get_mut(last) {
+                *place = start;
+            }
+            self.sweep(problem, &mut start, cost, stepper);
+        }
+        let are_first = self.finishes < MORE_FINISHES;
+        self.finishes += 1;
         let found = finish(problem, &start, &self.settings.finish, steppers);
         self.evaluations += found.evaluations;
         let settled = self.polished.is_some_and(|last| !is_better(&found, &last));
         if self.polished.is_none_or(|last| found.normal.misfit.chi_square < last.normal.misfit.chi_square) {
             self.polished = Some(found);
         }
-        self.stop = if within_noise(&found.normal.misfit) {
+        // A finish that was stuck in noise may have been so on the way down.
+        let is_bottom = found.ending == Ending::Bottom || settled;
+        let best = self.polished.as_ref().unwrap_or(&found);
+        self.stop = if is_bottom && within_noise(&best.normal.misfit) {
             Some(StopReason::NoiseReached)
-        } else if settled {
+        } else if settled && !are_first {
             Some(StopReason::Settled)
         } else if self.evaluations >= self.settings.budget {
             Some(StopReason::Budget)
@@ -136,27 +160,61 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
             self.complete(problem, stepper);
         }
         self.search.insert(&found.genes, found.normal.misfit.mean_square());
-        self.next_finish = self.search.counters().evaluations
-            + self.search.population() as u32 * self.settings.generations_between_finishes;
+        let generations = if are_first { 0 } else { self.settings.generations_between_finishes };
+        self.next_finish = self.search.counters().evaluations + self.search.population() as u32 * generations;
         Progress::Finished
     }
 
-    /// Where the next finish starts: at the best member, but away from where the last one ended, which would only be
-    /// found again.
-    fn next_start(&self, free: usize) -> Option<[T; GENES]> {
-        let is_elsewhere = |genes: &[T; GENES]| {
-            self.polished.is_none_or(|last| {
-                let apart = |(a, b): (&T, &T)| (*a - *b).magnitude() > T::literal(ELSEWHERE);
-                genes.iter().zip(&last.genes).take(free).any(apart)
+    /// Where the next finish starts, and its cost: at the best member, but in a motion that is away from those of the first
+    /// finishes, and of where the best one ended, which would only be found again.
+    fn next_start(&self, problem: &Problem<'_, T>) -> Option<([T; GENES], T)> {
+        let differ = |genes: &[T; GENES], other: &[T; GENES]| {
+            genes.iter().zip(other).enumerate().take(problem.free.len()).any(|(gene, (a, b))| {
+                (*a - *b).magnitude() > T::literal(ELSEWHERE) && !problem.is_output(gene)
             })
         };
+        let swept = self.starts.iter().take(self.finishes.saturating_sub(1));
+        let known = swept.chain(self.polished.as_ref().map(|last| &last.genes));
+        let is_elsewhere = |genes: &[T; GENES]| known.clone().all(|known| differ(genes, known));
         let mut start: Option<(&[T; GENES], T)> = None;
         for (genes, cost) in self.search.members().filter(|(genes, _)| is_elsewhere(genes)) {
             if start.is_none_or(|(_, least)| cost < least) {
                 start = Some((genes, cost));
             }
         }
-        start.or_else(|| self.search.best()).map(|(genes, _)| *genes)
+        start.or_else(|| self.search.best()).map(|(genes, cost)| (*genes, cost))
+    }
+
+    /// Moves a start to the best of its output alone, over the whole range of each of its genes: a backlash has valleys of
+    /// its own, from which no slope leads.
+    fn sweep<S: Stepper<T>>(
+        &mut self,
+        problem: &Problem<'_, T>,
+        start: &mut [T; GENES],
+        mut cost: T,
+        stepper: &mut S,
+    ) {
+        for gene in (0..problem.free.len()).filter(|&gene| problem.is_output(gene)) {
+            for motion in 0..SWEEP {
+                let places = T::from_count((SWEEP * TOGETHER) as u32);
+                let group: [[T; GENES]; TOGETHER] = core::array::from_fn(|member| {
+                    let mut genes = *start;
+                    if let Some(value) = genes.get_mut(gene) {
+                        *value =
+                            (T::from_count((motion * TOGETHER + member) as u32) + T::literal(0.5)) / places;
+                    }
+                    genes
+                });
+                self.evaluations += 1;
+                for (genes, misfit) in
+                    group.iter().zip(misfits_of(problem, &group, stepper, T::ONE / T::ZERO))
+                {
+                    if misfit.mean_square() < cost {
+                        (*start, cost) = (*genes, misfit.mean_square());
+                    }
+                }
+            }
+        }
     }
 
     /// Evaluates the next child, or the next members of the first population, no further than it takes to see that they do
@@ -180,10 +238,7 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
             return Progress::Child(self.admit(&genes, misfit, bound));
         }
         let group: [_; TOGETHER] = self.search.ask_together(|gene| problem.is_output(gene));
-        let [leader, others @ ..] = &group;
-        let others = others.each_ref().map(<[T; GENES]>::as_slice);
-        let (misfit, misfits) = problem.misfits_within(leader, others, stepper, bound);
-        for (genes, misfit) in group.iter().zip(core::iter::once(misfit).chain(misfits)) {
+        for (genes, misfit) in group.iter().zip(misfits_of(problem, &group, stepper, bound)) {
             self.admit(genes, misfit, bound);
         }
         Progress::Filled
@@ -207,14 +262,31 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
         outcome
     }
 
-    /// Evaluates the members that were given up to the end.
+    /// Evaluates the members that were given up to the end, together where they share a motion.
     fn complete<S: Stepper<T>>(&mut self, problem: &Problem<'_, T>, stepper: &mut S) {
+        let share_motion = |genes: &[T; GENES], other: &[T; GENES]| {
+            genes.iter().zip(other).enumerate().all(|(gene, (a, b))| a == b || problem.is_output(gene))
+        };
         for place in 0..SIZE {
             let is_given_up = self.given_up.get_mut(place).is_some_and(core::mem::take);
             let genes = self.search.members().nth(place).map(|(genes, _)| *genes);
-            if let (true, Some(genes)) = (is_given_up, genes) {
-                self.evaluations += 1;
-                self.search.revise(place, problem.misfit(&genes, stepper).mean_square());
+            let (true, Some(genes)) = (is_given_up, genes) else { continue };
+            let (mut places, mut group, mut count) = ([place; TOGETHER], [genes; TOGETHER], 1);
+            for ((other, (genes, _)), given_up) in
+                self.search.members().enumerate().zip(&mut self.given_up).skip(place + 1)
+            {
+                if *given_up
+                    && share_motion(&group[0], genes)
+                    && let (Some(at), Some(member)) = (places.get_mut(count), group.get_mut(count))
+                {
+                    (*given_up, *at, *member) = (false, other, *genes);
+                    count += 1;
+                }
+            }
+            self.evaluations += 1;
+            let misfits = misfits_of(problem, &group, stepper, T::ONE / T::ZERO);
+            for (&place, misfit) in places.iter().zip(misfits).take(count) {
+                self.search.revise(place, misfit.mean_square());
             }
         }
     }
@@ -247,6 +319,18 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
     pub const fn counters(&self) -> Counters {
         self.search.counters()
     }
+}
+
+/// Misfits of candidates that share one motion, given up as soon as all are above a bound.
+fn misfits_of<T: Real, S: Stepper<T>, const GENES: usize>(
+    problem: &Problem<'_, T>,
+    group: &[[T; GENES]; TOGETHER],
+    stepper: &mut S,
+    bound: T,
+) -> [Misfit<T>; TOGETHER] {
+    let [first, second, third, fourth] = group.each_ref().map(<[T; GENES]>::as_slice);
+    let (leader, [a, b, c]) = problem.misfits_within(first, [second, third, fourth], stepper, bound);
+    [leader, a, b, c]
 }
 
 /// Is the mean square within five standard deviations (`sqrt(2/n)`) of what noise alone gives?

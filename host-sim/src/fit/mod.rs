@@ -355,7 +355,7 @@ fn gain_of(one: &Misfit<f64>, other: &Misfit<f64>) -> f64 {
 /// The rig and its records with the command on a curve between its samples. None where the rig does not leave the path
 /// open, and where the curve is no other than the straight lines.
 pub fn curved(rig: &Rig, records: &[Prepared]) -> Option<Reading> {
-    if rig.command_path != CommandPath::Lines {
+    if rig.command_path != CommandPath::Open {
         return None;
     }
     let curved = Rig { command_path: CommandPath::Curve, ..rig.clone() };

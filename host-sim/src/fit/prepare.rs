@@ -26,6 +26,8 @@ const START_SAMPLES: usize = 5;
 /// Standard deviations of the noise by which the first sample of a record that starts at rest at its command may differ
 /// from it: a chance of 6e-5.
 const START_SIGMA: f64 = 4.0;
+/// Standard deviations of the noise below its limit from which on a recorded current is taken to be at it.
+const LIMIT_SIGMA: f64 = 5.0;
 /// Time after which a closed loop has forgotten a start that was only measured, s, at the earliest.
 const SETTLE_S: f64 = 0.1;
 /// How far the ram may be from the user at a start that was only measured, m, where no backlash is declared.
@@ -140,16 +142,18 @@ impl Prepared {
     /// themselves.
     ///
     /// The current of a controller at a sample answers the sample, and the model's the knot beside it: the recorded one
-    /// is taken there, unless it is at its limit.
+    /// is taken there, unless it is at its limit, or so close to it that noise may show it below.
     #[must_use]
     pub fn along(&self, rig: &Rig) -> Self {
         let Knots { command, arriving, ahead } = rig.knots(&self.command);
         let Parameters { proportional_gain, current_limit, .. } = rig.parameters;
         let mut measured = self.measured.clone();
+        let noise = if self.noise[CURRENT].is_finite() { self.noise[CURRENT] } else { 0.0 };
+        let below_limit = current_limit - LIMIT_SIGMA * noise;
         let moved =
             command.iter().zip(&self.command).map(|(knot, sample)| proportional_gain * (knot - sample));
         for (current, moved) in measured[CURRENT].iter_mut().zip(moved) {
-            if current.abs() < current_limit {
+            if current.abs() < below_limit {
                 *current += moved;
             }
         }

@@ -6,8 +6,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CommandPath {
-    /// It goes from one sample to the next in a straight line.
+    /// That is not known: records may speak for a curve, and straight lines are taken where they do not.
     #[default]
+    Open,
+    /// It goes from one sample to the next in a straight line.
     Lines,
     /// It was a continuous function of time when it was recorded: smooth, with corners anywhere, and with jumps that come
     /// just before the sample that shows them.
@@ -50,7 +52,7 @@ impl CommandPath {
     /// The knots of the samples of a command, m.
     pub fn knots(self, samples: &[f64]) -> Knots {
         match self {
-            Self::Lines => Knots::of_samples(samples),
+            Self::Open | Self::Lines => Knots::of_samples(samples),
             Self::Curve => curve(samples),
             Self::Held => {
                 let before = samples.first().into_iter().chain(samples);

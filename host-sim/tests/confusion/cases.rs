@@ -280,7 +280,9 @@ impl Case {
         let (command, samples) = self.train.get(index).unwrap_or(&self.held);
         let command = &command.clone().later(self.program.later);
         let mut data = match self.program.path {
-            CommandPath::Lines => plant.record(&command.sampled(*samples, PERIOD), *samples),
+            CommandPath::Open | CommandPath::Lines => {
+                plant.record(&command.sampled(*samples, PERIOD), *samples)
+            }
             CommandPath::Curve => plant.simulate(command, *samples, DEFAULT_STEP),
             CommandPath::Held => plant.simulate(&command.held(*samples, PERIOD), *samples, DEFAULT_STEP),
         };
