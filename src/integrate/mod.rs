@@ -13,7 +13,7 @@ mod ladder;
 pub mod midpoint;
 
 use crate::model::Model;
-use crate::model::corridor::{Corridor, Detour, Passage, Passing, WATCHED, Watched};
+use crate::model::corridor::{Corridor, Detour, Passage, Passing, WATCHED, Watched, rescaled};
 use crate::model::state::{FULL_ORDER, Input, InputSegment, Mode, State};
 use crate::scalar::Real;
 use crossing::{EVENTS_PER_STEP, cross};
@@ -103,7 +103,10 @@ impl<T: Real> Run<T> {
     /// Turns to steps of another length.
     #[inline(never)]
     fn change_stride(&mut self, size: u32, corridor: &Corridor<T>, watched: &Watched<T>) {
-        (self.swing, self.has_margin) = corridor.rescaled(watched, &self.swing, [self.stride, size]);
+        let had_margin = self.has_margin && size < self.stride;
+        self.swing = rescaled(&self.swing, [self.stride, size]);
+        // A smaller swing asks for no more.
+        self.has_margin = had_margin || corridor.has_margin(watched, &self.swing);
         self.stride = size;
     }
 
@@ -166,7 +169,7 @@ impl<T: Real> Run<T> {
         let at = |run: &Self, input: &Input<T>| Guards::at(model, &run.mode, &run.state, input, time);
         self.guards = at(self, to);
         for _ in 0..EVENTS_PER_STEP {
-            let Some((index, _)) = at(self, from).first_crossing(&self.guards) else { break };
+            let Some((index, _)) = at(self, from).first_crossing(&self.guards, model.has_extra_guards()) else { break };
             model.switch(index, &mut self.mode, &mut self.state, to);
             self.events += 1;
             self.guards = at(self, to);
@@ -394,7 +397,7 @@ fn meet_rate<T: Real, S: Stepper<T>>(
 ) {
     let here = |run: &Run<T>| Guards::at(model, &run.mode, &run.state, &segment.start, segment.time);
     let guards = here(run);
-    if let Some((index, _)) = run.guards.first_crossing(&guards) {
+    if let Some((index, _)) = run.guards.first_crossing(&guards, model.has_extra_guards()) {
         model.switch(index, &mut run.mode, &mut run.state, &segment.start);
         run.mode_number = run.mode.number();
         run.events += 1;
@@ -548,7 +551,7 @@ fn inspect<T: Real>(
     let length = T::from_count(span.size);
     let has_extra = model.has_extra_guards();
     if !run.guards.all_clear(&run.fall, &guards, length, has_extra)
-        && run.guards.must_refine(&run.fall, &guards, length, span.level > 0)
+        && run.guards.must_refine(&run.fall, &guards, length, span.level > 0, has_extra)
     {
         return false;
     }

@@ -41,6 +41,12 @@ pub struct Passing<T> {
 /// and what is watched of the flapper. The others follow the flapper in one direction as long as it stays in its bounds.
 pub type Detour<T> = [T; 2];
 
+/// What the watched quantities change by over a step of one size, as over a step of another.
+pub fn rescaled<T: Real>(swing: &Watched<T>, [from, to]: [u32; 2]) -> Watched<T> {
+    let ratio = T::from_count(to) / T::from_count(from);
+    swing.map(|value| value * ratio)
+}
+
 /// A law of one quantity in one mode: its value at zero, and its slope.
 type Line<T> = [T; 2];
 
@@ -150,19 +156,6 @@ impl<T: Real> Corridor<T> {
         self.has_margin(place, &change.map(|value| value * T::literal(12.0)))
     }
 
-    /// A swing over steps of a size as one over steps of another, and whether a place has the margins that it asks for.
-    #[inline(never)]
-    pub fn rescaled(
-        &self,
-        place: &Watched<T>,
-        swing: &Watched<T>,
-        [from, to]: [u32; 2],
-    ) -> (Watched<T>, bool) {
-        let ratio = T::from_count(to) / T::from_count(from);
-        let swing = swing.map(|value| value * ratio);
-        (swing, self.has_margin(place, &swing))
-    }
-
     /// Is a step clear, as [`is_clear`](Self::is_clear) asks, when looked at closely? What moves away from its bound
     /// needs no margin, nor does a step that cannot be divided.
     #[inline(never)]
@@ -188,6 +181,11 @@ impl<T: Real> Corridor<T> {
             let (from, to, swing) = (from[index], to[index], swing[index]);
             let (lower, upper) = (self.lower[index], self.upper[index]);
             let detour = detour.get(index).copied().unwrap_or(T::ZERO);
+            // The usual case: between the bounds by more than any dip.
+            let most = if divisible { detour + swing.magnitude() * quarter } else { T::ZERO };
+            if from.smaller(to) - most >= lower && from.larger(to) + most <= upper {
+                continue;
+            }
             let slack = if index == FLAPPER { self.slack } else { T::ZERO };
             look(from - lower, to - lower, detour - swing * quarter, slack);
             look(upper - from, upper - to, detour + swing * quarter, slack);
