@@ -5,6 +5,7 @@ pub mod calibrate;
 pub mod check;
 pub mod demo;
 pub mod diagnose;
+mod files;
 pub mod hil;
 pub mod identify;
 pub mod import;
@@ -14,7 +15,7 @@ pub mod reproduce;
 pub mod shell;
 pub mod simulate;
 
-use crate::cli::Common;
+use crate::cli::{Common, written_path};
 use crate::failure::Failure;
 use crate::fit::{self, AsRead, Fit, FitSettings, NoiseSource, Prepared, Reading};
 use crate::inspect::screen::{Screened, screen};
@@ -29,6 +30,7 @@ use eha_monitor::fit::identify::StopReason;
 use eha_monitor::model::Drive;
 use eha_monitor::model::sensor::Lvdt;
 use eha_monitor::parameter::{Parameter, Parameters};
+use files::Files;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -196,7 +198,7 @@ pub struct FitOptions {
     budget: u32,
     /// Where to write what was measured, predicted and left, sample by sample (CSV, or Parquet if it ends so);
     /// `trace.csv` in the directory of `--out` by default.
-    #[arg(long, value_name = "FILE.csv|.parquet")]
+    #[arg(long, value_name = "FILE.csv|.parquet", value_parser = written_path())]
     trace: Option<PathBuf>,
 }
 
@@ -275,14 +277,18 @@ struct Fitted {
 /// Mean square of the residual, in units of the noise, above which a model is said to lack something.
 const SUSPECT: f64 = 2.0;
 
-/// Reads records and fits the ranges that `choose` takes from the rig.
+/// Reads records and fits the ranges that `choose` takes from the rig; `writes` are the files of the result in the
+/// directory of `--out`.
 fn fit_records(
     common: &Common,
     options: &FitOptions,
     default_rig: &str,
+    writes: &[&str],
     choose: impl FnOnce(&Rig) -> Vec<Range>,
 ) -> Result<Fitted, Failure> {
     interrupt::watch()?;
+    let trace = trace_path(common, options.trace.as_deref());
+    Files::new(common).reads(&options.records).writes_in_out(writes).writes(trace.clone()).check()?;
     let rig = rig(common, default_rig)?;
     let ranges = with_bounds(&choose(&rig), &options.bounds)?;
     let (records, mut record_notes) = options.input.read_for_fit(common, &options.records, &rig)?;
@@ -315,16 +321,19 @@ fn fit_records(
         reading: options.input.json(),
         search: json!({ "population": options.population, "budget": options.budget }),
         names,
-        trace: options.trace.clone(),
+        trace,
     })
 }
 
-/// Writes a trace where the user wants it: in a file, else in the directory of `--out`, else not.
+/// Where a trace goes: where the user wants it, else into the directory of `--out`, else nowhere.
+fn trace_path(common: &Common, path: Option<&Path>) -> Option<PathBuf> {
+    path.map(Path::to_path_buf).or_else(|| output::out_path(common, TRACE_FILE))
+}
+
+/// Writes a trace, if there is a path for it.
 fn save_trace(common: &Common, path: Option<&Path>, trace: impl FnOnce() -> Trace) -> Result<(), Failure> {
-    let Some(path) = path.map(Path::to_path_buf).or_else(|| output::out_path(common, TRACE_FILE)) else {
-        return Ok(());
-    };
-    trace().save(&path)?;
+    let Some(path) = path else { return Ok(()) };
+    trace().save(path)?;
     output::log(common, &format!("wrote {}", path.display()));
     Ok(())
 }
