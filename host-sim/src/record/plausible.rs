@@ -11,10 +11,13 @@
 //!    where a driving force replaces the valve.
 
 use std::fmt;
+use std::ops::RangeInclusive;
 
 use eha_monitor::channel::{Channel, ChannelInfo, ChannelRole};
 
+use super::mapping::option;
 use super::table::Series;
+use super::time_base::median_step;
 use super::units::{Unit, units_of};
 
 /// Whole numbers this many times above the limit are called counts.
@@ -22,6 +25,9 @@ const COUNTS_FROM: f64 = 50.0;
 
 /// Largest ratio of a position's travel to that of the command.
 const MOST_TRAVEL: f64 = 100.0;
+
+/// Sampling periods of loggers, s: with others, the unit of the time is doubted.
+pub(super) const PERIODS: RangeInclusive<f64> = 1e-5..=0.1;
 
 /// A magnitude that does not fit its unit, and what it looks like.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,11 +78,16 @@ impl fmt::Display for Suspicion {
         }
         match looks_like {
             Some(Unit { name, symbol, .. }) => {
-                write!(f, "; it looks like {name}: convert with `{column}={source}[{symbol}]`")
+                write!(
+                    f,
+                    "; it looks like {name}: convert with {}",
+                    option(&format!("{column}={source}[{symbol}]"))
+                )
             }
             None => write!(
                 f,
-                "; it looks like sensor counts: give the scale in {unit} per count, as in `{column}={source}*1.5e-5`"
+                "; it looks like sensor counts: give the scale in {unit} per count, as in {}",
+                option(&format!("{column}={source}*1.5e-5"))
             ),
         }
     }
@@ -100,7 +111,11 @@ pub(super) fn magnitude(info: &ChannelInfo, series: &Series) -> Option<(usize, S
     let whole = series.values.iter().filter(|value| !value.is_nan()).all(|value| value.fract() == 0.0);
     let counts = whole && !is_time && largest > COUNTS_FROM * info.plausible;
     let found = Excess::Magnitude { largest, limit: info.plausible };
-    let looks_like = if counts { None } else { smaller_unit(info, largest, info.plausible) };
+    let looks_like = match () {
+        () if is_time => unit_of_step(median_step(&series.values)),
+        () if counts => None,
+        () => smaller_unit(info, largest, info.plausible),
+    };
     Some((index, suspicion(info, series, found, looks_like)))
 }
 
@@ -136,6 +151,11 @@ fn suspicion(
 ) -> Suspicion {
     let source = series.field.name().to_owned();
     Suspicion { found, looks_like, column: info.column, unit: info.unit, source }
+}
+
+/// The unit of a time whose steps are so long, if that is not the second: the largest one in which a logger may take them.
+pub(super) fn unit_of_step(step: f64) -> Option<&'static Unit> {
+    units_of(Channel::Time.info()).find(|unit| unit.factor < 1.0 && PERIODS.contains(&(step * unit.factor)))
 }
 
 /// The largest unit, a thousandth of the channel's or less, that brings `value` down to `limit`.

@@ -38,8 +38,9 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Reading records")]
 pub struct InputOptions {
-    /// Which column or variable is which channel, in which unit: `lvdt_m=pos[mm],command_m=ref[mm]`.
-    #[arg(long, value_delimiter = ',', value_name = "CHANNEL=NAME[UNIT]")]
+    /// Which column or variable is which channel, in which unit: `lvdt_m=pos[mm],command_m=ref[mm]`; of an array in a MAT
+    /// file, `lvdt_m=data(:,2)[mm]`.
+    #[arg(long, value_name = "CHANNEL=NAME[UNIT],...")]
     columns: Vec<String>,
     /// Sampling rate, Hz, where a file has no time, or stamps that jitter, or rows that were lost.
     #[arg(long, value_name = "HZ")]
@@ -66,7 +67,7 @@ impl InputOptions {
         {
             return Err(Failure::usage(format!("--from {from} --to {to}: expected the first to be earlier")));
         }
-        let columns = Mapping::parse(self.columns.iter().map(String::as_str)).map_err(Failure::usage)?;
+        let columns = Mapping::parse(self.entries()).map_err(Failure::usage)?;
         paths
             .iter()
             .map(|path| {
@@ -81,9 +82,14 @@ impl InputOptions {
             .collect()
     }
 
+    /// What is said of columns, one channel each.
+    fn entries(&self) -> impl Iterator<Item = &str> {
+        self.columns.iter().flat_map(|list| Mapping::split(list))
+    }
+
     /// These options as JSON, for the configuration of a result.
     fn json(&self) -> Value {
-        json!({ "columns": self.columns, "rate_Hz": self.rate, "from_s": self.from, "to_s": self.to })
+        json!({ "columns": self.entries().collect::<Vec<_>>(), "rate_Hz": self.rate, "from_s": self.from, "to_s": self.to })
     }
 
     /// The records alone, as they are.
