@@ -192,12 +192,13 @@ pub fn counted(count: usize, thing: &str) -> String {
     format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
 }
 
-/// Three or more significant digits with a unit that reads well: metres as mm or um.
+/// Three or more significant digits with a unit that reads well: metres as mm or um, from 1 mm on.
 pub fn quantity(value: f64, unit: &str) -> String {
     if !value.is_finite() {
         return "-".to_owned();
     }
     match unit {
+        "m" if value.abs() >= 1e-2 => format!("{:.3} mm", value * 1e3),
         "m" if value.abs() >= 1e-3 => format!("{:.4} mm", value * 1e3),
         "m" => format!("{:.3} um", value * 1e6),
         "1" => format!("{value:.4}"),
@@ -342,4 +343,22 @@ pub fn config_json(common: &Common, rig: &Rig, ranges: &[Range], records: &[Stri
         })).collect::<Vec<_>>(),
         "records": records,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_have_one_scale_for_each_size() {
+        for (metres, text) in [
+            (0.012_696_835, "12.697 mm"),
+            (-0.0015, "-1.5000 mm"),
+            (1e-3, "1.0000 mm"),
+            (0.9994e-3, "999.400 um"),
+            (0.0, "0.000 um"),
+        ] {
+            assert_eq!(quantity(metres, "m"), text);
+        }
+    }
 }

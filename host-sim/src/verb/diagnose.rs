@@ -1,6 +1,6 @@
 //! `diagnose`: what does the model lack?
 
-use super::files::Files;
+use super::files::{Files, common_samples};
 use super::{DEFAULT_RIG, InputOptions};
 use crate::cli::{Common, written_path};
 use crate::diagnose::{Case, Diagnosis, Score, Verdict, diagnose};
@@ -65,6 +65,9 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let (train, mut record_notes) = options.input.read_for_fit(common, &options.records, &rig)?;
     let (holdout, notes) = options.input.read_for_fit(common, &options.holdout, &rig)?;
     record_notes.extend(notes);
+    let given: Vec<_> =
+        options.records.iter().chain(&options.holdout).zip(train.iter().chain(&holdout)).collect();
+    record_notes.extend(common_samples(common, &given, train.len())?);
     let names =
         options.records.iter().chain(&options.holdout).map(|path| path.display().to_string()).collect();
     interrupt::watch()?;
@@ -330,7 +333,9 @@ impl Job<'_> {
         let _ = writeln!(text, "\nforce in closed loop, error over recorded{window}:");
         for (part, scores) in PARTS.into_iter().zip(loops) {
             for (when, score) in ["before", "after"].into_iter().zip(scores.iter().flatten()) {
-                let open = score.open_loop_rms.map_or(String::new(), |rms| format!("{:>12.3} mm", rms * 1e3));
+                let open = score
+                    .open_loop_rms
+                    .map_or(String::new(), |rms| format!("{:>15}", output::quantity(rms, "m")));
                 let _ = writeln!(text, "  {part:<17} {when:<7}{:>8.2} %{open}", score.force_error * 100.0);
             }
         }
@@ -339,7 +344,7 @@ impl Job<'_> {
     pub(super) fn text(&self, answer: &Answer) -> String {
         let Answer { diagnosis, loops, result } = answer;
         let mut text = String::new();
-        let um = |value: f64| format!("{:.3} um", value * 1e6);
+        let metres = |value: f64| output::quantity(value, "m");
         let _ = writeln!(text, "verdict: {}", diagnosis.verdict.name());
         for found in &diagnosis.found {
             let sizes: Vec<String> = found
@@ -370,7 +375,7 @@ impl Job<'_> {
                 let _ = writeln!(text, "  these records cannot tell it from: {}", names.join(", "));
             }
         }
-        let _ = writeln!(text, "\nerror of the user position (noise {}):", um(diagnosis.noise[0]));
+        let _ = writeln!(text, "\nerror of the user position (noise {}):", metres(diagnosis.noise[0]));
         let scores = [Some(diagnosis.train), diagnosis.holdout];
         let largest = scores.iter().flatten().flatten().map(|score| score.position_rms).fold(0.0, f64::max);
         for (part, scores) in PARTS.into_iter().zip(scores) {
@@ -379,7 +384,7 @@ impl Job<'_> {
                 let _ = writeln!(
                     text,
                     "  {part:<17} {when:<7}{:>12}  {}",
-                    um(score.position_rms),
+                    metres(score.position_rms),
                     "#".repeat(length)
                 );
             }

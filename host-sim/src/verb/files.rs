@@ -1,12 +1,46 @@
 //! The files that a verb reads and writes, looked at before its work starts.
 
-use super::segment;
+use super::{log_warnings, segment};
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::output;
+use crate::record::Record;
 use crate::rig::BUILT_IN;
 use crate::whole_file::{self, file_at};
 use std::path::{Path, PathBuf};
+
+/// What to tell of records, each with the path that was given, that are parts of one file and have samples in common. The
+/// first `fitted` of them are fitted, the others held out.
+///
+/// # Errors
+/// Usage: samples that are fitted are held out as well.
+pub(super) fn common_samples(
+    common: &Common,
+    records: &[(&PathBuf, &Record)],
+    fitted: usize,
+) -> Result<Vec<String>, Failure> {
+    let file = |path: &PathBuf| segment(path).ok().and_then(|(file, _)| file_at(&file));
+    let is_before_end = |a: &Record, b: &Record| a.start_time_s() <= b.time_s(b.len() - 1);
+    let mut notes = Vec::new();
+    for (index, (path, record)) in records.iter().enumerate() {
+        for (other, (other_path, other_record)) in records[..index].iter().enumerate() {
+            let is_common = file(path).is_some_and(|it| file(other_path) == Some(it))
+                && is_before_end(record, other_record)
+                && is_before_end(other_record, record);
+            let [one, two] = [other_path.display(), path.display()];
+            if is_common && other < fitted && index >= fitted {
+                return Err(Failure::usage(format!(
+                    "{one} is fitted and has samples in common with {two}, which is held out: expected other samples"
+                )));
+            }
+            if is_common {
+                notes.push(format!("{one} and {two} have samples in common, which count twice"));
+            }
+        }
+    }
+    log_warnings(common, &notes);
+    Ok(notes)
+}
 
 /// What a verb reads, and what it will write.
 pub(super) struct Files<'a> {

@@ -30,7 +30,7 @@ use eha_monitor::fit::identify::StopReason;
 use eha_monitor::model::Drive;
 use eha_monitor::model::sensor::Lvdt;
 use eha_monitor::parameter::{Parameter, Parameters};
-use files::Files;
+use files::{Files, common_samples};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -226,15 +226,21 @@ fn assignments(parameters: &mut Parameters<f64>, texts: &[String]) -> Result<(),
 
 /// Sets a parameter after a check of its range.
 fn set(parameters: &mut Parameters<f64>, parameter: Parameter, value: f64) -> Result<(), Failure> {
-    let info = parameter.info();
-    if !(info.lower..=info.upper).contains(&value) {
-        return Err(Failure::usage(format!(
-            "`{}` = {value}: expected {} to {} {}",
-            info.name, info.lower, info.upper, info.unit
-        )));
-    }
+    check_value(parameter, value)?;
     parameters.set(parameter, value);
     Ok(())
+}
+
+/// Refuses a value outside of the range of a parameter.
+fn check_value(parameter: Parameter, value: f64) -> Result<(), Failure> {
+    let info = parameter.info();
+    if (info.lower..=info.upper).contains(&value) {
+        return Ok(());
+    }
+    Err(Failure::usage(format!(
+        "`{}` = {value}: expected {} to {} {}",
+        info.name, info.lower, info.upper, info.unit
+    )))
 }
 
 /// Ranges with the user's bounds in place of those of the same parameters.
@@ -298,6 +304,8 @@ fn fit_records(
     let rig = rig(common, default_rig)?;
     let ranges = with_bounds(&choose(&rig), &options.bounds)?;
     let (records, mut record_notes) = options.input.read_for_fit(common, &options.records, &rig)?;
+    let given: Vec<_> = options.records.iter().zip(&records).collect();
+    record_notes.extend(common_samples(common, &given, records.len())?);
     let noise_source = fit::noise_source(&rig, &records);
     let prepared: Vec<Prepared> = records.iter().map(|record| fit::prepare(&rig, record)).collect();
     let settings = FitSettings { seed: common.seed, population: options.population, budget: options.budget };
