@@ -139,9 +139,10 @@ pub fn parse_csv(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Load
     table.series = columns
         .iter()
         .zip(values)
-        .map(|(Found { channel, source, .. }, values)| Series {
+        .map(|(Found { channel, source, factor, .. }, values)| Series {
             channel: *channel,
             field: field(&names, *source),
+            factor: *factor,
             values,
         })
         .collect();

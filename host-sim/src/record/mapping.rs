@@ -10,6 +10,9 @@ use super::units::{Unit, unit, units_of};
 /// Least similarity of two names (normalised Damerau-Levenshtein) for one to be offered for the other.
 const SIMILAR: f64 = 0.75;
 
+/// Least likeness (Jaro-Winkler, which counts the first letters most) of a name that is there to one that is not.
+const LIKE: f64 = 0.8;
+
 /// Where the channels are found in a file, and the factors that bring them to the unit of the channel.
 ///
 /// The default finds each channel under the name of its own column, in its own unit.
@@ -206,12 +209,11 @@ impl Entry {
     /// The mapping with the name that is there and most like the one that is not.
     fn similar(&self, present: &[String]) -> Option<String> {
         let wanted = self.name.to_lowercase();
-        let likeness =
-            |name: &String| strsim::normalized_damerau_levenshtein(&wanted, &bare(name).to_lowercase());
+        let likeness = |name: &String| strsim::jaro_winkler(&wanted, &bare(name).to_lowercase());
         let (name, _) = present
             .iter()
             .map(|name| (name, likeness(name)))
-            .filter(|(_, likeness)| *likeness >= SIMILAR)
+            .filter(|(_, likeness)| *likeness >= LIKE)
             .max_by(|(_, a), (_, b)| a.total_cmp(b))?;
         let scaling = match self.scaling.split_once(']') {
             Some((_, scale)) if name.ends_with(']') => scale,
@@ -343,6 +345,7 @@ mod tests {
         assert_eq!(hint("lvdt_m=Position2", &names), meant("'lvdt_m=Position 2 [mm]'"));
         assert_eq!(hint("lvdt_m=force*2", &names), meant("'lvdt_m=Force*2'"));
         assert_eq!(hint("lvdt_m=Positio2[mm]*2", &names), meant("'lvdt_m=Position 2 [mm]*2'"));
+        assert_eq!(hint("lvdt_m=Pos", &names), meant("lvdt_m=Positon"));
         assert_eq!(hint("lvdt_m=pressure", &names), None);
     }
 

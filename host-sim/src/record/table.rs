@@ -12,7 +12,16 @@ use super::{Loaded, MIN_SAMPLES, ReadOptions, Record, plausible};
 pub(super) struct Series {
     pub(super) channel: Channel,
     pub(super) field: Field,
+    /// Unit of the channel per unit in which the values were.
+    pub(super) factor: f64,
     pub(super) values: Vec<f64>,
+}
+
+impl Series {
+    /// Values that come from no file.
+    pub(super) fn in_memory(channel: Channel, values: Vec<f64>) -> Self {
+        Self { channel, field: Field::Channel(channel.info().column), factor: 1.0, values }
+    }
 }
 
 /// The series of a file, one value per sample in each.
@@ -43,11 +52,9 @@ impl Table {
         let has_time = time.is_some();
         let time = match (time.map(|index| self.series.remove(index)), options.sample_rate_hz) {
             (Some(time), _) => time,
-            (None, Some(rate)) if rate.is_finite() && rate > 0.0 => Series {
-                channel: Channel::Time,
-                field: Field::Channel(Channel::Time.info().column),
-                values: (0..length).map(|index| index as f64 / rate).collect(),
-            },
+            (None, Some(rate)) if rate.is_finite() && rate > 0.0 => {
+                Series::in_memory(Channel::Time, (0..length).map(|index| index as f64 / rate).collect())
+            }
             (None, rate) => {
                 let period = rate.map_or(f64::NAN, f64::recip);
                 return Err(RecordError::new(&self.file, Problem::BadPeriod(period)));
@@ -71,7 +78,7 @@ impl Table {
         let (start, period) = clock.map_err(|(index, problem)| self.at(&time, index, problem))?;
         self.check_values()?;
         if !plausible::PERIODS.contains(&period) {
-            let hint = plausible::unit_of_step(period).map_or(String::new(), |unit| {
+            let hint = plausible::unit_of_step(period, time.factor).map_or(String::new(), |unit| {
                 let entry = format!("{}={}[{}]", Channel::Time.info().column, time.field.name(), unit.symbol);
                 format!(" It looks like {}: {}", unit.name, option(&entry))
             });
