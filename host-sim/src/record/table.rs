@@ -127,8 +127,8 @@ impl Table {
             Some(line) => format!("line {line}"),
             None => format!("sample {}", first + 1),
         };
-        let rows = if count == 1 { "1 row is" } else { &format!("{count} rows are") };
-        self.warn(&format!("{rows} the one before once more, time and all: left out, the first at {place}"));
+        let rows = if count == 1 { "1 row repeats" } else { &format!("{count} rows repeat") };
+        self.warn(&format!("{rows} the one before, time and all: left out, the first at {place}"));
         self.retain(&keep);
     }
 

@@ -179,7 +179,7 @@ fn rows_that_come_twice_are_left_out() {
         assert!(is_motion(&record));
         assert_eq!(
             warnings[0],
-            "run.csv: 11 rows are the one before once more, time and all: left out, the first at line 10"
+            "run.csv: 11 rows repeat the one before, time and all: left out, the first at line 10"
         );
     }
     // Different values at one time are not the same row.
