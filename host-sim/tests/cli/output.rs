@@ -80,6 +80,7 @@ fn what_cannot_be_written_is_said_before_the_work() {
         (&["import", "none.csv", "-o", "file/record.csv"], "file/record.csv: file is a file"),
         (&["simulate", "-o", "file/record.csv"], "file/record.csv: file is a file"),
         (&["demo", "--out", "file"], "file/rig.toml: file is a file"),
+        (&["man", "--out", "file"], "file/host-sim.1: file is a file"),
         (&["reproduce", "--out", "file"], "file/reproduce.json: file is a file"),
     ] {
         bench.run(arguments).refused(FAILURE, &["cannot write ", path]);
