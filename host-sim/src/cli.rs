@@ -2,6 +2,7 @@
 
 use crate::failure::EXIT_CODES;
 use crate::verb;
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
 
@@ -36,8 +37,19 @@ pub struct Common {
     #[arg(long, global = true, value_name = "NAME|FILE.toml")]
     pub(crate) rig: Option<String>,
     /// Directory for files that a verb writes; made if it is not there.
-    #[arg(long, global = true, value_name = "DIR")]
+    #[arg(long, global = true, value_name = "DIR", value_parser = written_path())]
     pub(crate) out: Option<PathBuf>,
+}
+
+/// A path to write to beside the result, which has stdout: `-` is none.
+pub(crate) fn written_path() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| {
+        if path.as_os_str() == "-" {
+            Err("standard output has the result, expected a path")
+        } else {
+            Ok(path)
+        }
+    })
 }
 
 /// What to do.

@@ -91,24 +91,53 @@ pub const LATE_COMMAND: &str =
 /// # Errors
 /// The directory or the file cannot be written.
 pub fn write_file(path: &Path, content: &[u8]) -> Result<(), Failure> {
-    let fail = |error: std::io::Error| Failure::other(format!("cannot write {}: {error}", path.display()));
+    let fail = |error: std::io::Error| cannot_write(path, &error);
     path.parent().map_or(Ok(()), std::fs::create_dir_all).map_err(fail)?;
     whole_file::save(path, |out| out.write_all(content)).map_err(fail)
 }
 
-/// Writes the report into the output directory, if there is one; `make` is not called otherwise.
+/// A file that cannot be written.
+pub(crate) fn cannot_write(path: &Path, error: &std::io::Error) -> Failure {
+    Failure::other(format!("cannot write {}: {error}", path.display()))
+}
+
+/// Writes a result as JSON and its report into the output directory, if there is one; `report` is not called otherwise.
 ///
 /// # Errors
-/// The file cannot be written.
-pub fn report(common: &Common, make: impl FnOnce() -> String) -> Result<(), Failure> {
-    let Some(path) = out_path(common, REPORT_FILE) else { return Ok(()) };
-    write_file(&path, make().as_bytes())?;
+/// A file cannot be written.
+pub fn save_result(
+    common: &Common,
+    name: &str,
+    result: &Value,
+    report: impl FnOnce() -> String,
+) -> Result<(), Failure> {
+    save(common, name, || serde_json::to_string_pretty(result).map_err(Failure::other))?;
+    save(common, REPORT_FILE, || Ok(report()))
+}
+
+/// Writes a text into the output directory, if there is one; `text` is not called otherwise.
+///
+/// # Errors
+/// The file cannot be written, or `text` fails.
+pub fn save(
+    common: &Common,
+    name: &str,
+    text: impl FnOnce() -> Result<String, Failure>,
+) -> Result<(), Failure> {
+    let Some(path) = out_path(common, name) else { return Ok(()) };
+    write_file(&path, text()?.as_bytes())?;
     log(common, &format!("wrote {}", path.display()));
     Ok(())
 }
 
-/// Name of a record in the output directory.
-pub const RECORD_FILE: &str = "record.csv";
+/// Where a verb writes the record that it makes: to the user's file, else into the output directory, else to stdout,
+/// which is `-` as well.
+pub fn record_path(common: &Common, path: Option<&Path>) -> Option<PathBuf> {
+    match path {
+        Some(path) => Some(path.to_path_buf()).filter(|path| path.as_os_str() != "-"),
+        None => out_path(common, "record.csv"),
+    }
+}
 
 /// Writes a record that a verb made: to `path`, else to stdout. With `--json`, stdout gets one object: where the record
 /// is, or its columns (null for a missing sample), and the configuration.
@@ -163,12 +192,13 @@ pub fn counted(count: usize, thing: &str) -> String {
     format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
 }
 
-/// Three or more significant digits with a unit that reads well: metres as mm or um.
+/// Three or more significant digits with a unit that reads well: metres as mm or um, from 1 mm on.
 pub fn quantity(value: f64, unit: &str) -> String {
     if !value.is_finite() {
         return "-".to_owned();
     }
     match unit {
+        "m" if value.abs() >= 1e-2 => format!("{:.3} mm", value * 1e3),
         "m" if value.abs() >= 1e-3 => format!("{:.4} mm", value * 1e3),
         "m" => format!("{:.3} um", value * 1e6),
         "1" => format!("{value:.4}"),
@@ -313,4 +343,22 @@ pub fn config_json(common: &Common, rig: &Rig, ranges: &[Range], records: &[Stri
         })).collect::<Vec<_>>(),
         "records": records,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_have_one_scale_for_each_size() {
+        for (metres, text) in [
+            (0.012_696_835, "12.697 mm"),
+            (-0.0015, "-1.5000 mm"),
+            (1e-3, "1.0000 mm"),
+            (0.9994e-3, "999.400 um"),
+            (0.0, "0.000 um"),
+        ] {
+            assert_eq!(quantity(metres, "m"), text);
+        }
+    }
 }

@@ -12,6 +12,7 @@ mod cli {
     mod interrupt;
     mod json;
     mod measured;
+    mod output;
     mod report;
     mod reproduce;
     mod schema;

@@ -194,7 +194,10 @@ fn the_rules_of_a_record_hold() {
     let millimetres: Vec<f64> = motion().iter().map(|value| value * 1e3).collect();
     let found = message(&file("pos", &millimetres), &["lvdt_m=pos"]);
     assert!(found.starts_with("run.mat: variable `pos`, sample 32: found a magnitude of 3.99"), "{found}");
-    assert!(found.ends_with("it looks like millimetres: convert with `lvdt_m=pos[mm]`"), "{found}");
+    assert!(
+        found.ends_with("it looks like millimetres: convert with `--columns 'lvdt_m=pos[mm]'`"),
+        "{found}"
+    );
     assert!(parse(&file("pos", &millimetres), &["lvdt_m=pos[mm]"]).is_ok());
     let mut late = times();
     late[7] += 1e-4;
@@ -236,7 +239,10 @@ fn variables_that_are_no_vectors_are_told_apart() {
         Ok(())
     });
     let found = message(&bytes, &["lvdt_m=matrix"]);
-    assert_eq!(found, "run.mat: variable `matrix`: found an array of 30 x 2, expected a real numeric vector");
+    assert_eq!(
+        found,
+        "run.mat: variable `matrix`: found an array of 30 x 2, of which `matrix(:,1)` is a column, expected a real numeric vector"
+    );
     let found = message(&bytes, &["lvdt_m=text"]);
     assert_eq!(
         found,
@@ -245,11 +251,52 @@ fn variables_that_are_no_vectors_are_told_apart() {
 }
 
 #[test]
+fn columns_and_rows_of_an_array_are_channels() {
+    let columns = [times(), motion(), motion().iter().map(|value| value * 1e3).collect()].concat();
+    let rows: Vec<f64> = (0..SAMPLES)
+        .flat_map(|sample| (0..3).map(move |part| part * SAMPLES + sample))
+        .map(|at| columns[at])
+        .collect();
+    let file = Level5::new(false);
+    let inner = file.structure("log", &[("data", file.doubles("", &[SAMPLES as u32, 3], &columns))]);
+    let level5 = file.with(&inner).bytes;
+    let level73 = level73(|builder| builder.write_f64("data", &[3, SAMPLES], &rows).map(|_| ()));
+    for (bytes, entries) in [
+        (&level5, ["t_s=log.data(:,1)", "command_m=log.data(:, 2)", "lvdt_m=log.data(:,3)[mm]"]),
+        (&level73, ["t_s=data(1,:)", "command_m=data(2,:)", "lvdt_m=data(3,:)*1e-3"]),
+    ] {
+        let record = parse(bytes, &entries).expect("valid").record;
+        assert_eq!(record.channel(Channel::Command), Some(&motion()[..]));
+        let position = record.channel(Channel::UserPosition).expect("required");
+        assert!(position.iter().zip(motion()).all(|(found, value)| (found - value).abs() < 1e-15));
+        assert_eq!(record.sample_period_s(), 1e-3);
+    }
+    for part in ["(:,4)", "(61,:)"] {
+        assert_eq!(
+            message(
+                &level5,
+                &["t_s=log.data(:,1)", &format!("command_m=log.data{part}"), "lvdt_m=log.data(:,3)[mm]"]
+            ),
+            format!(
+                "run.mat: variable `log.data{part}`: found an array of 60 x 3, which has no such part, expected a real numeric \
+                 vector"
+            )
+        );
+    }
+    // MATLAB counts from 1.
+    assert!(message(&level5, &["t_s=log.data(:,0)"]).starts_with("run.mat: `t_s=log.data(:,0)` is missing"));
+}
+
+#[test]
 fn a_rate_stands_in_for_the_time() {
     let file = Level5::new(false);
     let (x, y) = (file.column("command_m", &motion()), file.column("lvdt_m", &motion()));
     let bytes = file.with(&x).with(&y).bytes;
-    assert_eq!(message(&bytes, &[]), "run.mat: `t_s` is missing: found `command_m`, `lvdt_m`");
+    assert_eq!(
+        message(&bytes, &[]),
+        "run.mat: `t_s` is missing: found `command_m`, `lvdt_m`; map one: `--columns t_s=NAME`, or give the sampling rate: \
+         `--rate HZ`"
+    );
     let options = ReadOptions { sample_rate_hz: Some(2000.0), ..ReadOptions::default() };
     let record = parse_mat("run.mat", &bytes, &options).expect("valid").record;
     assert_eq!(record.sample_period_s(), 5e-4);
@@ -287,7 +334,7 @@ fn a_file_of_another_program_is_read() {
         found("lvdt_m=text")
             .ends_with("found text, cells, sparse or other data, expected a real numeric vector")
     );
-    assert!(found("lvdt_m=M").ends_with("found an array of 3 x 4, expected a real numeric vector"));
+    assert!(found("lvdt_m=M").contains("found an array of 3 x 4, of which `M(:,1)` is a column, expected"));
 }
 
 #[test]

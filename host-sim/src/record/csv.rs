@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use csv::{ReaderBuilder, StringRecord, Trim};
+use csv::StringRecord;
 use eha_monitor::channel::Channel;
 
 use super::error::{Field, Problem, RecordError};
@@ -11,9 +11,12 @@ use super::mapping::Found;
 use super::table::{Series, Table};
 use super::time_base::Digits;
 use super::{Loaded, ReadOptions};
+use cells::{Cells, is_blank, shown, with_point};
+use rows::{Rows, line_ends};
 
-/// Longest part of a cell that a message repeats.
-const QUOTED_CHARACTERS: usize = 40;
+mod cells;
+mod rows;
+mod unit_row;
 
 /// First bytes of files that are no text.
 const MAT_SIGNATURES: [&[u8]; 2] = [b"MATLAB ", b"\x89HDF\r\n\x1a\n"];
@@ -43,9 +46,10 @@ pub fn read_csv_with(path: &Path, options: &ReadOptions) -> Result<Loaded, Recor
 
 /// Reads a record from the content of a text file; `file` names it in messages.
 ///
-/// The separator is a comma, a semicolon or a tab, whichever the header has most of. A byte order mark, CRLF,
-/// quoted cells and blank lines are fine. Columns that are not used become a warning. A blank cell of a measured
-/// column is a missing sample.
+/// The separator is a comma, a semicolon or a tab, whichever the header has most of, or what a first line `sep=;` says;
+/// where it is no comma, numbers may have decimal commas. A byte order mark, CRLF, quoted cells and blank lines are fine.
+/// A row of units under the header counts for columns of which nothing else says a unit. Columns that are not used become
+/// a warning. A blank cell of a measured column is a missing sample, and so is `NaN` or `NA`.
 ///
 /// # Errors
 ///
@@ -69,12 +73,31 @@ pub fn parse_csv(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Load
             None => error,
         }
     })?;
-    let Header { names, columns } = &header;
+    let unused = header.unused();
+    let Header { names, mut columns } = header;
+    let failed = |line: u64, column: usize, problem: Problem| {
+        RecordError::new(file, problem).at_line(line).in_field(field(&names, column))
+    };
+
+    let mut cells = Cells::new(rows.separator);
+    let mut notes = Vec::new();
+    let mut first = rows.next().transpose()?;
+    if let Some((line, row)) = first.take_if(|(_, row)| unit_row::is_one(&columns, row)) {
+        let units = unit_row::apply(&mut columns, &names, &row);
+        let units = units.map_err(|(column, problem)| failed(line, column, problem))?;
+        if !units.is_empty() {
+            notes.push(format!("units of line {line}: {}", units.join(", ")));
+        }
+        first = rows.next().transpose()?;
+    }
+    if let (Some((_, row)), Some(_)) = (&first, options.sample_rate_hz) {
+        notes.extend(leave_out_clock(&mut columns, &names, row));
+    }
 
     let mut values: Vec<Vec<f64>> = vec![Vec::new(); columns.len()];
     let mut lines = Vec::new();
     let mut digits = Digits::default();
-    for row in rows {
+    for row in first.map(Ok).into_iter().chain(rows) {
         let (line, row) = row?;
         if row.len() != names.len() {
             let problem = Problem::UnequalRow { found: row.len(), expected: names.len() };
@@ -82,11 +105,16 @@ pub fn parse_csv(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Load
         }
         for (column, values) in columns.iter().zip(&mut values) {
             let cell = row.get(column.source).unwrap_or_default();
-            let value = number(cell).map_err(|problem| {
-                RecordError::new(file, problem).at_line(line).in_field(field(names, column.source))
+            let is_time = column.channel == Channel::Time;
+            let value = cells.number(cell, (line, column.source)).map_err(|problem| {
+                let problem = match problem {
+                    Problem::NotANumber(text) if is_time && text.contains(':') => Problem::ClockTime(text),
+                    other => other,
+                };
+                failed(line, column.source, problem)
             })?;
-            if column.channel == Channel::Time && !value.is_nan() {
-                digits.add(cell);
+            if is_time && !value.is_nan() {
+                digits.add(with_point(cell).as_deref().unwrap_or(cell));
             }
             values.push(value * column.factor);
         }
@@ -95,6 +123,7 @@ pub fn parse_csv(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Load
     if lines.is_empty() {
         return Err(RecordError::new(file, Problem::Empty));
     }
+    cells.check().map_err(|((line, column), problem)| failed(line, column, problem))?;
     let time_unit =
         columns.iter().find(|column| column.channel == Channel::Time).map_or(1.0, |time| time.factor);
     let mut table = Table {
@@ -104,19 +133,36 @@ pub fn parse_csv(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Load
         series: Vec::new(),
         warnings: Vec::new(),
     };
-    if let Some(text) = header.unused() {
-        table.warn(&text);
+    for note in unused.into_iter().chain(notes) {
+        table.warn(&note);
     }
     table.series = columns
         .iter()
         .zip(values)
-        .map(|(Found { channel, source, .. }, values)| Series {
+        .map(|(Found { channel, source, factor, .. }, values)| Series {
             channel: *channel,
-            field: field(names, *source),
+            field: field(&names, *source),
+            factor: *factor,
             values,
         })
         .collect();
     table.into_loaded(options)
+}
+
+/// Leaves out a column of times that are no numbers, as the first row has it; what to tell of it.
+fn leave_out_clock(columns: &mut Vec<Found<usize>>, names: &[String], row: &StringRecord) -> Option<String> {
+    let place = columns.iter().position(|column| column.channel == Channel::Time)?;
+    let source = columns[place].source;
+    let cell = row.get(source).unwrap_or_default();
+    if is_blank(cell) || cell.parse::<f64>().is_ok() || with_point(cell).is_some() {
+        return None;
+    }
+    columns.remove(place);
+    Some(format!(
+        "{}: not used, the rate gives the time: found `{}`, which is no number of seconds",
+        field(names, source),
+        shown(cell)
+    ))
 }
 
 /// Do the bytes start as a MAT file does?
@@ -136,110 +182,9 @@ fn decode<'a>(file: &str, bytes: &'a [u8]) -> Result<&'a str, RecordError> {
     })
 }
 
-/// The value of a cell; NaN for a blank one.
-fn number(cell: &str) -> Result<f64, Problem> {
-    if cell.is_empty() {
-        return Ok(f64::NAN);
-    }
-    let shown = || cell.chars().take(QUOTED_CHARACTERS).collect::<String>();
-    match cell.parse::<f64>() {
-        Ok(value) if value.is_finite() => Ok(value),
-        Ok(_) => Err(Problem::NotFinite(shown())),
-        Err(_) if cell.matches(',').count() == 1 && cell.replace(',', ".").parse::<f64>().is_ok() => {
-            Err(Problem::DecimalComma(shown()))
-        }
-        Err(_) => Err(Problem::NotANumber(shown())),
-    }
-}
-
 fn field(names: &[String], index: usize) -> Field {
     Field::Column { name: names.get(index).cloned().unwrap_or_default(), number: index + 1 }
 }
 
-/// The rows of a text, each with its line in the file; the first is the header.
-struct Rows<'a> {
-    file: &'a str,
-    text: &'a [u8],
-    reader: csv::Reader<&'a [u8]>,
-    /// Everything before this byte is counted in `line`.
-    counted: usize,
-    line: u64,
-}
-
-impl<'a> Rows<'a> {
-    fn new(file: &'a str, text: &'a str) -> Self {
-        let reader = ReaderBuilder::new()
-            .delimiter(separator(text))
-            .comment(Some(b'#'))
-            .has_headers(false)
-            .flexible(true)
-            .trim(Trim::All)
-            .from_reader(text.as_bytes());
-        Self { file, text: text.as_bytes(), reader, counted: 0, line: 1 }
-    }
-
-    /// The line of the row that the reader found after byte `start`: it passes over blank and comment lines
-    /// without a count, so they are counted here.
-    fn line_after(&mut self, start: usize) -> u64 {
-        let mut start = start.min(self.text.len());
-        loop {
-            let rest = &self.text[start..];
-            start += match rest.first() {
-                Some(b'\n' | b'\r') => 1,
-                Some(b'#') => rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len()),
-                _ => break,
-            };
-        }
-        self.line += line_ends(&self.text[self.counted.min(start)..start]);
-        self.counted = start;
-        self.line
-    }
-}
-
-impl Iterator for Rows<'_> {
-    type Item = Result<(u64, StringRecord), RecordError>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        let mut row = StringRecord::new();
-        loop {
-            let start = usize::try_from(self.reader.position().byte()).unwrap_or(usize::MAX);
-            let found = self.reader.read_record(&mut row);
-            let line = self.line_after(start);
-            match found {
-                Ok(false) => return None,
-                Ok(true) => {
-                    let first = row.get(0).unwrap_or_default();
-                    let blank = row.len() == 1 && first.is_empty();
-                    if !blank && !first.starts_with('#') {
-                        return Some(Ok((line, row)));
-                    }
-                }
-                Err(error) => {
-                    let problem = Problem::Malformed(error.to_string());
-                    return Some(Err(RecordError::new(self.file, problem).at_line(line)));
-                }
-            }
-        }
-    }
-}
-
-/// The separator that the header has most of; a comma if it has none.
-fn separator(text: &str) -> u8 {
-    let header = text
-        .lines()
-        .map(str::trim)
-        .find(|line| !line.is_empty() && !line.starts_with('#'))
-        .unwrap_or_default();
-    let count = |separator: u8| header.bytes().filter(|&byte| byte == separator).count();
-    [b'\t', b';', b','].into_iter().max_by_key(|&separator| count(separator)).unwrap_or(b',')
-}
-
-/// How many lines end in a text: by `\n`, `\r\n` or `\r`.
-fn line_ends(text: &[u8]) -> u64 {
-    let ends = (0..text.len()).filter(|&index| match text[index] {
-        b'\n' => true,
-        b'\r' => text.get(index + 1) != Some(&b'\n'),
-        _ => false,
-    });
-    ends.count() as u64
-}
+#[cfg(test)]
+mod tests;

@@ -96,11 +96,24 @@ pub enum Problem {
     },
     /// A cell that is not a number.
     NotANumber(String),
-    /// A number with a decimal comma.
+    /// A number with a decimal comma where commas separate cells.
     DecimalComma(String),
+    /// A decimal comma in a file with decimal points, or the other way round.
+    MixedDecimals(String),
+    /// A comma that is a decimal one or sets thousands apart.
+    OpenComma(String),
+    /// A time of day or a date in place of a number of seconds.
+    ClockTime(String),
+    /// A unit under the header that does not suit the column.
+    WrongUnit {
+        /// As it is written.
+        found: String,
+        /// What is, in words.
+        expected: String,
+    },
     /// NaN, an infinity, or a number that overflows.
     NotFinite(String),
-    /// A blank cell where none is allowed.
+    /// A blank cell, or what stands for a missing sample, where none is allowed.
     Blank,
     /// Too few values are left once the blank cells are taken out.
     TooManyBlanks {
@@ -190,19 +203,34 @@ impl fmt::Display for Problem {
             Self::UnequalRow { found, expected } => {
                 write!(f, "found {found} cells, expected {expected} as in the header")?;
                 if *found == 2 * expected {
-                    f.write_str(" (decimal commas? use decimal points)")?;
+                    f.write_str(" (decimal commas? use decimal points, or semicolons between cells)")?;
                 }
                 Ok(())
             }
             Self::NotANumber(text) => write!(f, "found `{text}`, expected a number"),
             Self::DecimalComma(text) => {
-                write!(f, "found `{text}` with a decimal comma, expected a decimal point")
+                write!(f, "found `{text}` with a decimal comma, expected a decimal point where commas separate cells")
             }
+            Self::MixedDecimals(text) => {
+                write!(f, "found `{text}`, expected decimal points or decimal commas, not both")
+            }
+            Self::OpenComma(text) => write!(
+                f,
+                "found `{text}`, which is {} or {}, expected decimal points or commas that leave no doubt",
+                text.replace(',', "."),
+                text.replace(',', "")
+            ),
+            Self::ClockTime(text) => write!(
+                f,
+                "found the clock time `{text}`, expected a number of seconds; with a rate, `--rate HZ`, the column is not \
+                 needed"
+            ),
+            Self::WrongUnit { found, expected } => write!(f, "found the unit `{found}`, expected {expected}"),
             Self::NotFinite(text) => {
                 write!(f, "found `{text}`, expected a finite number (leave the cell of a lost sample blank)")
             }
             Self::Blank => f.write_str(
-                "found a blank cell, expected a number: only measured columns may have lost samples",
+                "found a blank cell or NaN, expected a number: only measured columns may have lost samples",
             ),
             Self::TooManyBlanks { blank, samples } => write!(
                 f,
@@ -213,7 +241,7 @@ impl fmt::Display for Problem {
                 write!(f, "found {found} samples, expected at least {}", super::MIN_SAMPLES)
             }
             Self::TimeNotIncreasing { previous, found } => {
-                write!(f, "found {found} s after {previous} s, expected increasing time")
+                write!(f, "found {} s after {} s, expected increasing time", in_full(*found), in_full(*previous))
             }
             Self::TimeNotUniform { step, median } => write!(
                 f,
@@ -228,7 +256,9 @@ impl fmt::Display for Problem {
             ),
             Self::TwoAtOnce { previous, found, rate } => write!(
                 f,
-                "found {found} s after {previous} s, expected one row in each sample of a rate of {rate} Hz"
+                "found {} s after {} s, expected one row in each sample of a rate of {rate} Hz",
+                in_full(*found),
+                in_full(*previous)
             ),
             Self::LongGap { lost, most } => write!(
                 f,
@@ -249,6 +279,11 @@ impl fmt::Display for Problem {
             Self::NotAVector(found) => write!(f, "found {found}, expected a real numeric vector"),
         }
     }
+}
+
+/// A time, s, without what the factor of its unit leaves behind its nanoseconds.
+fn in_full(time: f64) -> f64 {
+    (time * 1e9).round() / 1e9
 }
 
 /// The names in back quotes, separated by commas.

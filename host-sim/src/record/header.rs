@@ -24,7 +24,10 @@ impl Header {
     ) -> Result<Self, (Problem, Option<(usize, String)>)> {
         let mut twice = None;
         let columns = options.columns.resolve(options.sample_rate_hz.is_some(), &names, |name| {
-            let mut places = (0..names.len()).filter(|&index| names[index] == name);
+            let exact = names.iter().any(|other| other == name);
+            let is_it =
+                |other: &String| if exact { other == name } else { closed_up(other) == closed_up(name) };
+            let mut places = (0..names.len()).filter(|&index| is_it(&names[index]));
             let first = places.next()?;
             twice = twice.or(places.next().map(|second| (first, second)));
             Some(first)
@@ -48,5 +51,13 @@ impl Header {
             })
             .collect();
         (!unused.is_empty()).then(|| format!("columns not used: {}", unused.join(", ")))
+    }
+}
+
+/// A name without the spaces before its unit in brackets.
+fn closed_up(name: &str) -> String {
+    match name.rsplit_once('[') {
+        Some((name, unit)) => format!("{}[{unit}", name.trim_end()),
+        None => name.to_owned(),
     }
 }

@@ -10,13 +10,16 @@ use super::units::{Unit, unit, units_of};
 /// Least similarity of two names (normalised Damerau-Levenshtein) for one to be offered for the other.
 const SIMILAR: f64 = 0.75;
 
+/// Least likeness (Jaro-Winkler, which counts the first letters most) of a name that is there to one that is not.
+const LIKE: f64 = 0.8;
+
 /// Where the channels are found in a file, and the factors that bring them to the unit of the channel.
 ///
 /// The default finds each channel under the name of its own column, in its own unit.
 /// An entry is `COLUMN=NAME`, `COLUMN=NAME[UNIT]` or `COLUMN=NAME*FACTOR`, as in `lvdt_m=pos[mm]` or
-/// `lvdt_m=adc.ch0*1.5e-5`. `NAME` is a column of a text file, or a variable or a path to the field of a structure
-/// (`data.pos`) of a MAT file. A header that ends in the unit itself (`Position [mm]`) is found by
-/// `lvdt_m=Position [mm]`. Units: [`UNITS`](super::units::UNITS).
+/// `lvdt_m=adc.ch0*1.5e-5`. `NAME` is a column of a text file; or a variable of a MAT file, a path to the field of a
+/// structure (`data.pos`), or a column or a row of an array (`data(:,2)`). A header that ends in the unit itself
+/// (`Position [mm]`) is found by `lvdt_m=Position [mm]`. Units: [`UNITS`](super::units::UNITS).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mapping {
     entries: Vec<Entry>,
@@ -31,6 +34,8 @@ struct Entry {
     /// With the unit.
     full_name: String,
     factor: f64,
+    /// The unit and the scale, as they are written behind the name; empty where the entry says neither.
+    scaling: String,
 }
 
 /// A mapping that cannot be used: a mistake in the configuration, not in the data.
@@ -53,7 +58,19 @@ pub(super) struct Found<T> {
     pub(super) channel: Channel,
     /// Unit of the channel per unit of the source.
     pub(super) factor: f64,
+    pub(super) unit: UnitFrom,
     pub(super) source: T,
+}
+
+/// What says in which unit a source is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum UnitFrom {
+    /// Its name, which is that of the channel.
+    Name,
+    /// The mapping, by a unit or a factor.
+    Mapping,
+    /// Nothing: it is taken to be that of the channel.
+    Nothing,
 }
 
 impl Mapping {
@@ -77,6 +94,20 @@ impl Mapping {
         Ok(mapping)
     }
 
+    /// The entries of a list such as `t_s=time,lvdt_m=data(:,2)[mm]`: the comma of a part of an array separates none.
+    pub fn split(text: &str) -> impl Iterator<Item = &str> {
+        let mut rest = Some(text);
+        std::iter::from_fn(move || {
+            let text = rest?;
+            let separates = |&(at, _): &(usize, &str)| {
+                !text[..at].trim_end().ends_with(':') && !text[at + 1..].trim_start().starts_with(':')
+            };
+            let end = text.match_indices(',').find(separates).map(|(at, _)| at);
+            rest = end.map(|end| &text[end + 1..]);
+            Some(&text[..end.unwrap_or(text.len())])
+        })
+    }
+
     fn entry(&self, channel: Channel) -> Option<&Entry> {
         self.entries.iter().find(|entry| entry.channel == channel)
     }
@@ -94,28 +125,56 @@ impl Mapping {
         for info in &CHANNELS {
             let channel = info.channel;
             let entry = self.entry(channel);
-            let (source, factor) = match entry {
-                None => (find(info.column), 1.0),
-                Some(entry) => (find(&entry.full_name).or_else(|| find(&entry.name)), entry.factor),
+            let (source, factor, unit) = match entry {
+                None => (find(info.column), 1.0, UnitFrom::Name),
+                Some(entry) => {
+                    let unit = if entry.scaling.is_empty() { UnitFrom::Nothing } else { UnitFrom::Mapping };
+                    (find(&entry.full_name).or_else(|| find(&entry.name)), entry.factor, unit)
+                }
             };
             if let Some(source) = source {
-                all.push(Found { channel, factor, source });
+                all.push(Found { channel, factor, unit, source });
             } else if let Some(entry) = entry {
-                return Err(missing(format!("{}={}", info.column, entry.full_name), info, present));
+                let expected = format!("{}={}", info.column, entry.full_name);
+                let hint = entry.similar(present);
+                return Err(Problem::Missing { expected, present: present.to_vec(), hint });
             } else if info.required && !(rate && channel == Channel::Time) {
-                return Err(missing(info.column.to_owned(), info, present));
+                let hint = Some(how_to_map(info, present));
+                return Err(Problem::Missing {
+                    expected: info.column.to_owned(),
+                    present: present.to_vec(),
+                    hint,
+                });
             }
         }
         Ok(all)
     }
 }
 
-fn missing(expected: String, info: &ChannelInfo, present: &[String]) -> Problem {
-    let hint = present.iter().find_map(|name| {
+/// How to say which of the names that are present is a channel.
+fn how_to_map(info: &ChannelInfo, present: &[String]) -> String {
+    let meant = present.iter().find_map(|name| {
         let (close, unit) = closest(name)?;
-        (close.channel == info.channel).then(|| hint(name, close, unit))
+        (close.channel == info.channel).then(|| entry_for(name, close, unit))
     });
-    Problem::Missing { expected, present: present.to_vec(), hint }
+    let map = match meant {
+        Some(entry) => format!("map one, such as {}", option(&entry)),
+        None => format!("map one: `--columns {}=NAME`", info.column),
+    };
+    match info.channel {
+        Channel::Time => format!("{map}, or give the sampling rate: `--rate HZ`"),
+        _ => map,
+    }
+}
+
+/// An entry as the option that says it, quoted where a shell would read something else.
+pub(super) fn option(entry: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "_=.,+-".contains(c);
+    if entry.chars().all(is_plain) {
+        format!("`--columns {entry}`")
+    } else {
+        format!("`--columns '{entry}'`")
+    }
 }
 
 impl Entry {
@@ -143,8 +202,30 @@ impl Entry {
             name: name.to_owned(),
             full_name: full_name.to_owned(),
             factor: factor * scale,
+            scaling: source.trim().strip_prefix(name).unwrap_or_default().trim().to_owned(),
         })
     }
+
+    /// The mapping with the name that is there and most like the one that is not.
+    fn similar(&self, present: &[String]) -> Option<String> {
+        let wanted = self.name.to_lowercase();
+        let likeness = |name: &String| strsim::jaro_winkler(&wanted, &bare(name).to_lowercase());
+        let (name, _) = present
+            .iter()
+            .map(|name| (name, likeness(name)))
+            .filter(|(_, likeness)| *likeness >= LIKE)
+            .max_by(|(_, a), (_, b)| a.total_cmp(b))?;
+        let scaling = match self.scaling.split_once(']') {
+            Some((_, scale)) if name.ends_with(']') => scale,
+            _ => &self.scaling,
+        };
+        Some(format!("did you mean {}?", option(&format!("{}={name}{scaling}", self.channel.info().column))))
+    }
+}
+
+/// A name without the unit in brackets at its end.
+fn bare(name: &str) -> &str {
+    name.strip_suffix(']').and_then(|rest| rest.rsplit_once('[')).map_or(name, |(name, _)| name.trim_end())
 }
 
 fn parse_scale(text: &str) -> Result<f64, String> {
@@ -170,16 +251,15 @@ fn parse_unit(symbol: &str, info: &ChannelInfo) -> Result<&'static Unit, String>
     }
 }
 
-/// What to tell about a name that was not used: the channel that may be meant, if one is close.
+/// What to tell about a name that was not used: how to map it to the channel that may be meant, if one is close.
 pub(super) fn suggestion(name: &str) -> Option<String> {
-    closest(name).map(|(info, unit)| hint(name, info, unit))
+    closest(name).map(|(info, unit)| format!("map it with {}", option(&entry_for(name, info, unit))))
 }
 
-fn hint(name: &str, info: &ChannelInfo, unit: Option<&Unit>) -> String {
-    let column = info.column;
+/// The entry that maps a name.
+fn entry_for(name: &str, info: &ChannelInfo, unit: Option<&Unit>) -> String {
     let unit = unit.map(|unit| format!("[{}]", unit.symbol)).filter(|unit| !name.ends_with(unit.as_str()));
-    let unit = unit.unwrap_or_default();
-    format!("did you mean `{column}`? map it with `{column}={name}{unit}`")
+    format!("{}={name}{}", info.column, unit.unwrap_or_default())
 }
 
 /// The channel that a name, itself not that of a column, may stand for, and the unit that it ends in.
@@ -237,6 +317,39 @@ mod tests {
     }
 
     #[test]
+    fn a_list_is_split_between_its_entries() {
+        let entries = |text| Mapping::split(text).collect::<Vec<_>>();
+        assert_eq!(entries("t_s=time, lvdt_m=pos[mm]"), ["t_s=time", " lvdt_m=pos[mm]"]);
+        assert_eq!(
+            entries("t_s=d(:, 1),lvdt_m=d(2 ,:)[mm],load_N=f"),
+            ["t_s=d(:, 1)", "lvdt_m=d(2 ,:)[mm]", "load_N=f"]
+        );
+        assert_eq!(entries("t_s=time"), ["t_s=time"]);
+    }
+
+    #[test]
+    fn a_missing_name_gets_the_one_that_is_most_like_it() {
+        let hint = |entry: &str, present: &[&str]| {
+            let mapping = Mapping::parse([entry]).expect("valid");
+            let present: Vec<String> = present.iter().map(ToString::to_string).collect();
+            match mapping
+                .resolve(false, &present, |name| (name == "t_s" || name == "command_m").then_some(()))
+            {
+                Err(Problem::Missing { hint, .. }) => hint,
+                _ => None,
+            }
+        };
+        let names = ["t_s", "Positon", "Position 2 [mm]", "Force"];
+        let meant = |text: &str| Some(format!("did you mean `--columns {text}`?"));
+        assert_eq!(hint("lvdt_m=position[mm]", &names), meant("'lvdt_m=Positon[mm]'"));
+        assert_eq!(hint("lvdt_m=Position2", &names), meant("'lvdt_m=Position 2 [mm]'"));
+        assert_eq!(hint("lvdt_m=force*2", &names), meant("'lvdt_m=Force*2'"));
+        assert_eq!(hint("lvdt_m=Positio2[mm]*2", &names), meant("'lvdt_m=Position 2 [mm]*2'"));
+        assert_eq!(hint("lvdt_m=Pos", &names), meant("lvdt_m=Positon"));
+        assert_eq!(hint("lvdt_m=pressure", &names), None);
+    }
+
+    #[test]
     fn a_header_may_carry_its_unit() {
         let mapping = Mapping::parse(["lvdt_m=Position [mm]", "command_m=ref[mm]"]).expect("valid");
         let names = ["t_s", "Position [mm]", "ref"];
@@ -263,13 +376,15 @@ mod tests {
     #[test]
     fn close_names_are_offered() {
         let offer = |name| suggestion(name).unwrap_or_default();
-        assert_eq!(offer("lvdt_mm"), "did you mean `lvdt_m`? map it with `lvdt_m=lvdt_mm[mm]`");
-        assert_eq!(offer("command"), "did you mean `command_m`? map it with `command_m=command`");
-        assert_eq!(offer("LVDT [mm]"), "did you mean `lvdt_m`? map it with `lvdt_m=LVDT [mm]`");
-        assert_eq!(offer("Time"), "did you mean `t_s`? map it with `t_s=Time`");
-        assert_eq!(offer("time_ms"), "did you mean `t_s`? map it with `t_s=time_ms[ms]`");
-        assert_eq!(offer("comand_m"), "did you mean `command_m`? map it with `command_m=comand_m`");
-        assert_eq!(offer("LVDT_M"), "did you mean `lvdt_m`? map it with `lvdt_m=LVDT_M[m]`");
+        let offers =
+            |name, option: &str| assert_eq!(offer(name), format!("map it with `--columns {option}`"));
+        offers("lvdt_mm", "'lvdt_m=lvdt_mm[mm]'");
+        offers("command", "command_m=command");
+        offers("LVDT [mm]", "'lvdt_m=LVDT [mm]'");
+        offers("Time", "t_s=Time");
+        offers("time_ms", "'t_s=time_ms[ms]'");
+        offers("comand_m", "command_m=comand_m");
+        offers("LVDT_M", "'lvdt_m=LVDT_M[m]'");
         assert_eq!(offer("temperature_C"), "");
         assert_eq!(offer("ram_m"), "", "a column of the table, left out on purpose");
         assert_eq!(offer(""), "");

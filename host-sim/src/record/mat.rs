@@ -86,7 +86,7 @@ pub fn read_mat_with(path: &Path, options: &ReadOptions) -> Result<Loaded, Recor
 
 /// Reads a record from the content of a MAT file (v5 to v7, or v7.3 and other HDF5); `file` names it in messages.
 ///
-/// A channel is a real numeric vector, a row or a column of any numeric class. NaN in a measured channel is a missing
+/// A channel is a real numeric vector of any numeric class, or a column or a row of an array (`data(:,2)`, `data(2,:)`). NaN in a measured channel is a missing
 /// sample, as MAT files have no blank cells; the warnings tell how many.
 ///
 /// # Errors
@@ -99,7 +99,12 @@ pub fn parse_mat(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Load
     let channels = options
         .columns
         .resolve(options.sample_rate_hz.is_some(), &contents.paths(), |path| {
-            contents.find(path).map(|variable| (path.to_owned(), variable))
+            let whole = || contents.find(path).map(|variable| (path.to_owned(), variable, None));
+            let part = || {
+                let (name, part) = Part::split(path)?;
+                contents.find(name).map(|variable| (path.to_owned(), variable, Some(part)))
+            };
+            whole().or_else(part)
         })
         .map_err(fail)?;
     let mut table = Table {
@@ -110,12 +115,13 @@ pub fn parse_mat(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Load
         warnings: Vec::new(),
     };
     for found in channels {
-        let (path, variable) = found.source;
+        let (path, variable, part) = found.source;
+        let array = variable.map_err(Problem::BadMat).and_then(|variable| match part {
+            Some(part) => part.of(variable),
+            None => vector(variable, &path),
+        });
         let field = Field::Variable(path);
-        let array = variable
-            .map_err(Problem::BadMat)
-            .and_then(vector)
-            .map_err(|problem| fail(problem).in_field(field.clone()))?;
+        let array = array.map_err(|problem| fail(problem).in_field(field.clone()))?;
         let values: Vec<f64> = array.values.iter().map(|value| value * found.factor).collect();
         if found.channel == Channel::Time && array.single {
             table.resolution = Resolution::of_singles(&values);
@@ -123,21 +129,68 @@ pub fn parse_mat(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Load
         if found.channel.info().role == ChannelRole::Measured && missing(&values) > 0 {
             table.warn(&format!("{field}: NaN is read as a missing sample"));
         }
-        table.series.push(Series { channel: found.channel, field, values });
+        table.series.push(Series { channel: found.channel, field, factor: found.factor, values });
     }
     table.into_loaded(options)
 }
 
+/// A column or a row of an array, from 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Part {
+    Column(usize),
+    Row(usize),
+}
+
+impl Part {
+    /// The name of the array and the part of it in a text such as `data(:,2)`, which counts from 1.
+    fn split(text: &str) -> Option<(&str, Self)> {
+        let (name, part) = text.strip_suffix(')')?.rsplit_once('(')?;
+        let (row, column) = part.split_once(',')?;
+        let number = |text: &str| text.parse::<usize>().ok()?.checked_sub(1);
+        let part = match (row.trim(), column.trim()) {
+            (":", column) => Self::Column(number(column)?),
+            (row, ":") => Self::Row(number(row)?),
+            _ => return None,
+        };
+        Some((name.trim(), part))
+    }
+
+    /// The values of the part.
+    fn of(self, variable: Variable) -> Result<Array, Problem> {
+        let Array { extents, values, single } = match variable {
+            Variable::Array(array) => array,
+            Variable::Other(what) => return Err(Problem::NotAVector(what)),
+        };
+        let values: Option<Vec<f64>> = match (self, &extents[..]) {
+            (Self::Column(column), &[rows, columns]) if column < columns => {
+                values.chunks(rows.max(1)).nth(column).map(<[f64]>::to_vec)
+            }
+            (Self::Row(row), &[rows, _]) if row < rows => {
+                Some(values.into_iter().skip(row).step_by(rows).collect())
+            }
+            _ => None,
+        };
+        match values {
+            Some(values) => Ok(Array { extents: vec![values.len(), 1], values, single }),
+            None => Err(Problem::NotAVector(format!("{}, which has no such part", in_words(&extents)))),
+        }
+    }
+}
+
 /// The array of a variable that is a vector.
-fn vector(variable: Variable) -> Result<Array, Problem> {
+fn vector(variable: Variable, path: &str) -> Result<Array, Problem> {
     match variable {
         Variable::Other(what) => Err(Problem::NotAVector(what)),
         Variable::Array(array) if array.extents.iter().filter(|&&extent| extent != 1).count() <= 1 => {
             Ok(array)
         }
-        Variable::Array(array) => {
-            let extents: Vec<String> = array.extents.iter().map(ToString::to_string).collect();
-            Err(Problem::NotAVector(format!("an array of {}", extents.join(" x "))))
+        Variable::Array(Array { extents, .. }) => {
+            Err(Problem::NotAVector(format!("{}, of which `{path}(:,1)` is a column", in_words(&extents))))
         }
     }
+}
+
+fn in_words(extents: &[usize]) -> String {
+    let extents: Vec<String> = extents.iter().map(ToString::to_string).collect();
+    format!("an array of {}", extents.join(" x "))
 }

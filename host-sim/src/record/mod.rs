@@ -131,7 +131,7 @@ impl Record {
         let series = channels
             .into_iter()
             .filter(|(channel, _)| *channel != Channel::Time)
-            .map(|(channel, values)| Series { channel, field: Field::Channel(channel.info().column), values })
+            .map(|(channel, values)| Series::in_memory(channel, values))
             .collect();
         let table = Table { file, lines: None, resolution: Resolution::EXACT, series, warnings: Vec::new() };
         table.check()?;

@@ -71,7 +71,7 @@ fn decoded(file: &str, path: &Path, options: &ReadOptions) -> Result<Loaded, Rec
             table.resolution = Resolution::of_singles(&values);
         }
         let field = Field::Variable(names[column.source].clone());
-        table.series.push(Series { channel: column.channel, field, values });
+        table.series.push(Series { channel: column.channel, field, factor: column.factor, values });
     }
     table.into_loaded(options)
 }
@@ -96,6 +96,64 @@ fn number(row: &Row, column: usize) -> Result<f64, Problem> {
         Cell::UShort(value) => f64::from(*value),
         Cell::UInt(value) => f64::from(*value),
         Cell::ULong(value) => *value as f64,
+        // Clocks: in s.
+        Cell::TimestampMillis(value) => *value as f64 * 1e-3,
+        Cell::TimestampMicros(value) => *value as f64 * 1e-6,
         other => return Err(Problem::NotANumber(other.to_string())),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use parquet::data_type::{DoubleType, Int64Type};
+    use parquet::file::writer::SerializedFileWriter;
+    use parquet::schema::parser::parse_message_type;
+
+    use super::*;
+    use crate::record::Mapping;
+
+    /// A file of 60 rows at 1 kHz since a day in 2024, with a clock of so many parts of a second.
+    fn file(clock: &str, parts: i64) -> Result<Vec<u8>, ParquetError> {
+        let schema = format!(
+            "message m {{ REQUIRED INT64 t_s {clock}; REQUIRED DOUBLE command_m; REQUIRED DOUBLE lvdt_m; }}"
+        );
+        let mut writer =
+            SerializedFileWriter::new(Vec::new(), Arc::new(parse_message_type(&schema)?), Arc::default())?;
+        let mut group = writer.next_row_group()?;
+        let stamps: Vec<i64> = (0..60).map(|row| 1_714_564_800 * parts + row * parts / 1000).collect();
+        let motion: Vec<f64> = (0..60).map(|row| 1e-3 * (f64::from(row) * 0.1).sin()).collect();
+        let mut is_first = true;
+        while let Some(mut column) = group.next_column()? {
+            if is_first {
+                column.typed::<Int64Type>().write_batch(&stamps, None, None)?;
+            } else {
+                column.typed::<DoubleType>().write_batch(&motion, None, None)?;
+            }
+            is_first = false;
+            column.close()?;
+        }
+        group.close()?;
+        writer.into_inner()
+    }
+
+    #[test]
+    fn clocks_of_other_programs_are_times() {
+        let folder = tempfile::tempdir().expect("a directory");
+        let path = folder.path().join("run.parquet");
+        for (clock, parts, entry) in [
+            ("(TIMESTAMP(MILLIS,true))", 1000, None),
+            ("(TIMESTAMP(MICROS,false))", 1_000_000, None),
+            ("(TIMESTAMP(NANOS,false))", 1_000_000_000, Some("t_s=t_s[ns]")),
+            ("", 1000, Some("t_s=t_s[ms]")),
+        ] {
+            std::fs::write(&path, file(clock, parts).expect("in memory")).expect("a file");
+            let columns = Mapping::parse(entry).expect("valid");
+            let options = ReadOptions { columns, ..ReadOptions::default() };
+            let record = read_parquet_with(&path, &options).expect(clock).record;
+            assert!((record.sample_period_s() - 1e-3).abs() < 1e-12, "{clock}: {}", record.sample_period_s());
+            assert!((record.start_time_s() - 1_714_564_800.0).abs() < 1e-6, "{clock}");
+        }
+    }
 }

@@ -11,10 +11,13 @@
 //!    where a driving force replaces the valve.
 
 use std::fmt;
+use std::ops::RangeInclusive;
 
 use eha_monitor::channel::{Channel, ChannelInfo, ChannelRole};
 
+use super::mapping::option;
 use super::table::Series;
+use super::time_base::median_step;
 use super::units::{Unit, units_of};
 
 /// Whole numbers this many times above the limit are called counts.
@@ -22,6 +25,9 @@ const COUNTS_FROM: f64 = 50.0;
 
 /// Largest ratio of a position's travel to that of the command.
 const MOST_TRAVEL: f64 = 100.0;
+
+/// Sampling periods of loggers, s: with others, the unit of the time is doubted.
+pub(super) const PERIODS: RangeInclusive<f64> = 1e-5..=0.1;
 
 /// A magnitude that does not fit its unit, and what it looks like.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,11 +78,16 @@ impl fmt::Display for Suspicion {
         }
         match looks_like {
             Some(Unit { name, symbol, .. }) => {
-                write!(f, "; it looks like {name}: convert with `{column}={source}[{symbol}]`")
+                write!(
+                    f,
+                    "; it looks like {name}: convert with {}",
+                    option(&format!("{column}={source}[{symbol}]"))
+                )
             }
             None => write!(
                 f,
-                "; it looks like sensor counts: give the scale in {unit} per count, as in `{column}={source}*1.5e-5`"
+                "; it looks like sensor counts: give the scale in {unit} per count, as in {}",
+                option(&format!("{column}={source}*1.5e-5"))
             ),
         }
     }
@@ -100,7 +111,11 @@ pub(super) fn magnitude(info: &ChannelInfo, series: &Series) -> Option<(usize, S
     let whole = series.values.iter().filter(|value| !value.is_nan()).all(|value| value.fract() == 0.0);
     let counts = whole && !is_time && largest > COUNTS_FROM * info.plausible;
     let found = Excess::Magnitude { largest, limit: info.plausible };
-    let looks_like = if counts { None } else { smaller_unit(info, largest, info.plausible) };
+    let looks_like = match () {
+        () if is_time => unit_of_step(median_step(&series.values), series.factor),
+        () if counts => None,
+        () => smaller_unit(series, largest, info.plausible),
+    };
     Some((index, suspicion(info, series, found, looks_like)))
 }
 
@@ -122,7 +137,7 @@ pub(super) fn travel(all: &[Series]) -> Option<(&Series, Suspicion)> {
             let position = peak_to_peak(&series.values);
             let info = series.channel.info();
             (asked > 0.0 && position > MOST_TRAVEL * asked).then(|| {
-                let looks_like = smaller_unit(info, position, MOST_TRAVEL * asked);
+                let looks_like = smaller_unit(series, position, MOST_TRAVEL * asked);
                 (series, suspicion(info, series, Excess::Travel { position, command: asked }, looks_like))
             })
         })
@@ -138,9 +153,18 @@ fn suspicion(
     Suspicion { found, looks_like, column: info.column, unit: info.unit, source }
 }
 
-/// The largest unit, a thousandth of the channel's or less, that brings `value` down to `limit`.
-fn smaller_unit(info: &ChannelInfo, value: f64, limit: f64) -> Option<&'static Unit> {
-    units_of(info).find(|unit| unit.factor <= 1e-3 && value * unit.factor <= limit)
+/// The unit of a time whose steps are so long, s, as it was converted: the largest smaller one in which a logger may take
+/// them.
+pub(super) fn unit_of_step(step: f64, factor: f64) -> Option<&'static Unit> {
+    let (raw, factor) = (step / factor, factor.abs());
+    units_of(Channel::Time.info()).find(|unit| unit.factor < factor && PERIODS.contains(&(raw * unit.factor)))
+}
+
+/// The largest unit, a thousandth of what a series was converted from or less, that brings `value` down to `limit`.
+fn smaller_unit(series: &Series, value: f64, limit: f64) -> Option<&'static Unit> {
+    let factor = series.factor.abs();
+    units_of(series.channel.info())
+        .find(|unit| unit.factor <= 1e-3 * factor && value / factor * unit.factor <= limit)
 }
 
 /// Largest minus smallest value; 0 where there is none.
@@ -155,10 +179,9 @@ fn peak_to_peak(values: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::error::Field;
 
     fn series(channel: Channel, values: &[f64]) -> Series {
-        Series { channel, field: Field::Channel(channel.info().column), values: values.to_vec() }
+        Series::in_memory(channel, values.to_vec())
     }
 
     fn looks_like(values: &[f64]) -> Option<&'static str> {
@@ -174,6 +197,24 @@ mod tests {
         assert_eq!(looks_like(&[0.0, 3.0]), Some("mm"), "whole millimetres");
         assert_eq!(looks_like(&[2040.0, 2051.0]), Some("counts"));
         assert_eq!(looks_like(&[9012.5, 100.0]), Some("um"));
+    }
+
+    #[test]
+    fn a_unit_is_that_of_the_file() {
+        let mapped = |factor: f64, values: &[f64]| {
+            let converted = values.iter().map(|value| value * factor).collect();
+            let series = Series { factor, ..Series::in_memory(Channel::UserPosition, converted) };
+            magnitude(series.channel.info(), &series)
+                .map(|(_, s)| s.looks_like.map_or("counts", |unit| unit.symbol))
+        };
+        assert_eq!(mapped(1e-2, &[9012.5, 100.0]), Some("um"));
+        assert_eq!(mapped(-1e-3, &[9012.5, 100.0]), Some("um"));
+        assert_eq!(mapped(1e-6, &[9012.5, 100.0]), None);
+        let step = |factor: f64| unit_of_step(1e6 * factor, factor).map(|unit| unit.symbol);
+        assert_eq!(
+            [step(1.0), step(1e-3), step(1e-6), step(1e-9)],
+            [Some("ns"), Some("ns"), Some("ns"), None]
+        );
     }
 
     #[test]

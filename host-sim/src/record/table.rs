@@ -3,20 +3,25 @@
 use eha_monitor::channel::{Channel, ChannelRole};
 
 use super::error::{Field, Problem, RecordError};
+use super::mapping::option;
 use super::time_base::{Grid, Resolution, on_grid, uniform};
 use super::{Loaded, MIN_SAMPLES, ReadOptions, Record, plausible};
-
-/// Above this period, s, the unit of the time is doubted in a warning.
-const SLOW_SAMPLING: f64 = 0.1;
-/// Below this period, s, too.
-const FAST_SAMPLING: f64 = 1e-5;
 
 /// The values of one channel, in its unit, and where they came from. NaN is a missing sample.
 #[derive(Clone, Debug)]
 pub(super) struct Series {
     pub(super) channel: Channel,
     pub(super) field: Field,
+    /// Unit of the channel per unit in which the values were.
+    pub(super) factor: f64,
     pub(super) values: Vec<f64>,
+}
+
+impl Series {
+    /// Values that come from no file.
+    pub(super) fn in_memory(channel: Channel, values: Vec<f64>) -> Self {
+        Self { channel, field: Field::Channel(channel.info().column), factor: 1.0, values }
+    }
 }
 
 /// The series of a file, one value per sample in each.
@@ -41,16 +46,15 @@ impl Table {
         for series in &self.series {
             self.check_finite(series)?;
         }
+        self.drop_repeats();
         let length = self.series.first().map_or(0, |series| series.values.len());
         let time = self.series.iter().position(|series| series.channel == Channel::Time);
         let has_time = time.is_some();
         let time = match (time.map(|index| self.series.remove(index)), options.sample_rate_hz) {
             (Some(time), _) => time,
-            (None, Some(rate)) if rate.is_finite() && rate > 0.0 => Series {
-                channel: Channel::Time,
-                field: Field::Channel(Channel::Time.info().column),
-                values: (0..length).map(|index| index as f64 / rate).collect(),
-            },
+            (None, Some(rate)) if rate.is_finite() && rate > 0.0 => {
+                Series::in_memory(Channel::Time, (0..length).map(|index| index as f64 / rate).collect())
+            }
             (None, rate) => {
                 let period = rate.map_or(f64::NAN, f64::recip);
                 return Err(RecordError::new(&self.file, Problem::BadPeriod(period)));
@@ -73,8 +77,12 @@ impl Table {
         };
         let (start, period) = clock.map_err(|(index, problem)| self.at(&time, index, problem))?;
         self.check_values()?;
-        if !(FAST_SAMPLING..=SLOW_SAMPLING).contains(&period) {
-            self.warn(&format!("the sampling period is {period} s: is the time in seconds?"));
+        if !plausible::PERIODS.contains(&period) {
+            let hint = plausible::unit_of_step(period, time.factor).map_or(String::new(), |unit| {
+                let entry = format!("{}={}[{}]", Channel::Time.info().column, time.field.name(), unit.symbol);
+                format!(" It looks like {}: {}", unit.name, option(&entry))
+            });
+            self.warn(&format!("the sampling period is {period} s: is the time in seconds?{hint}"));
         }
         self.report_missing();
         let Self { file, series, warnings, .. } = self;
@@ -89,15 +97,39 @@ impl Table {
         let from = options.from_s.unwrap_or(f64::NEG_INFINITY);
         let to = options.to_s.unwrap_or(f64::INFINITY);
         let keep: Vec<bool> = time.values.iter().map(|&t| in_window(t, from, to)).collect();
-        for series in self.series.iter_mut().chain(std::iter::once(&mut time)) {
-            let mut kept = keep.iter();
-            series.values.retain(|_| kept.next().is_some_and(|&kept| kept));
+        retain(&mut time.values, &keep);
+        self.retain(&keep);
+        time
+    }
+
+    /// Keeps some of the samples.
+    fn retain(&mut self, keep: &[bool]) {
+        for series in &mut self.series {
+            retain(&mut series.values, keep);
         }
         if let Some(lines) = &mut self.lines {
-            let mut kept = keep.iter();
-            lines.retain(|_| kept.next().is_some_and(|&kept| kept));
+            retain(lines, keep);
         }
-        time
+    }
+
+    /// Leaves out rows that are the one before them once more, their time too.
+    fn drop_repeats(&mut self) {
+        let Some(time) = self.series.iter().find(|series| series.channel == Channel::Time) else { return };
+        let same = |values: &[f64], row: usize| {
+            let [before, after] = [values[row - 1], values[row]];
+            before == after || before.is_nan() && after.is_nan()
+        };
+        let is_new = |row: usize| row == 0 || !self.series.iter().all(|series| same(&series.values, row));
+        let keep: Vec<bool> = (0..time.values.len()).map(is_new).collect();
+        let Some(first) = keep.iter().position(|keep| !keep) else { return };
+        let count = keep.iter().filter(|keep| !**keep).count();
+        let place = match self.lines.as_ref().and_then(|lines| lines.get(first)) {
+            Some(line) => format!("line {line}"),
+            None => format!("sample {}", first + 1),
+        };
+        let rows = if count == 1 { "1 row repeats" } else { &format!("{count} rows repeat") };
+        self.warn(&format!("{rows} the one before, time and all: left out, the first at {place}"));
+        self.retain(&keep);
     }
 
     /// Puts the rows on a grid of a rate. Of rows that are lost the sensors have no sample, and the inputs are bridged.
@@ -229,6 +261,12 @@ impl Table {
 pub(super) fn in_window(time: f64, from: f64, to: f64) -> bool {
     let noise = 1e-9 + 1e-12 * time.abs();
     time >= from - noise && time < to - noise
+}
+
+/// Keeps the values that are marked.
+fn retain<T>(values: &mut Vec<T>, keep: &[bool]) {
+    let mut kept = keep.iter();
+    values.retain(|_| kept.next().is_some_and(|&kept| kept));
 }
 
 /// How many samples are missing.

@@ -16,6 +16,9 @@ const OTHER_RATE: f64 = 0.2;
 /// Stamps that tell the phase of a clock.
 const PHASE_STAMPS: usize = 20;
 
+/// Parts of a second to which the start of a clock is given: nanoseconds.
+const START_PARTS: f64 = 1e9;
+
 /// Share of what a stamp is off a clock by which it corrects it: stamps that jitter by a quarter of a sample move it by
 /// 4 %.
 const CLOCK_GAIN: f64 = 0.05;
@@ -28,6 +31,9 @@ const ROUNDING: f64 = 0.99;
 
 /// Relative error of a period that is floating-point noise.
 const PERIOD_NOISE: f64 = 1e-9;
+
+/// Digits of a double, fewer than those of a count of nanoseconds since 1970.
+const DOUBLE_DIGITS: i32 = 16;
 
 /// How finely time stamps are given.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,13 +72,13 @@ impl Digits {
     pub(super) fn resolution(self, scale: f64) -> Resolution {
         let scale = scale.abs();
         let absolute = 10_f64.powi(self.decimals.map_or(0, i32::saturating_neg)) * scale;
-        Resolution { absolute, digits: self.significant.max(1), scale }
+        Resolution { absolute, digits: self.significant.clamp(1, DOUBLE_DIGITS), scale }
     }
 }
 
 impl Resolution {
     /// Stamps in full double precision.
-    pub(super) const EXACT: Self = Self { absolute: 0.0, digits: 17, scale: 1.0 };
+    pub(super) const EXACT: Self = Self { absolute: 0.0, digits: DOUBLE_DIGITS, scale: 1.0 };
 
     /// Stamps that are single-precision numbers.
     pub(super) fn of_singles(stamps: &[f64]) -> Self {
@@ -124,6 +130,11 @@ fn increasing(times: &[f64]) -> Result<Vec<f64>, (usize, Problem)> {
     }
 }
 
+/// The median step of at least two time stamps, s.
+pub(super) fn median_step(times: &[f64]) -> f64 {
+    median(&mut times.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>())
+}
+
 /// Where the rows of a series of time stamps are on a grid.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Grid {
@@ -150,7 +161,9 @@ pub(super) fn on_grid(times: &[f64], rate: f64) -> Result<Grid, (usize, Problem)
     let turns = times.iter().take(PHASE_STAMPS).map(|time| TAU * ((time - times[0]) * rate));
     let (sine, cosine) =
         turns.fold((0.0, 0.0), |(sine, cosine), turn| (sine + turn.sin(), cosine + turn.cos()));
+    // No offset comes out as one of rounding, of either sign.
     let start = times[0] + sine.atan2(cosine) / (TAU * rate);
+    let start = (start * START_PARTS).round() / START_PARTS + 0.0;
     let mut grid = Grid { start, points: vec![0], off: (times[0] - start).abs() };
     let (mut point, mut clock) = (0, start);
     for (row, &stamp) in times.iter().enumerate().skip(1) {
@@ -287,6 +300,17 @@ mod tests {
             assert!(grid.points.iter().zip(&points).all(|(found, point)| found + 2 == *point), "{drift}");
             assert!((grid.start - 7.002).abs() < 1e-4, "{}", grid.start);
             assert!(grid.off > 2e-4 && grid.off < 5e-4, "{}", grid.off);
+        }
+    }
+
+    #[test]
+    fn a_grid_of_exact_stamps_starts_at_the_first_one() {
+        for first in [0, 3, 12_345] {
+            let lost = |point: &i32| *point != first + 30;
+            let times: Vec<f64> =
+                (first..first + 100).filter(lost).map(|point| f64::from(point) / 1000.0).collect();
+            let grid = on_grid(&times, 1000.0).unwrap();
+            assert_eq!(grid.start.to_string(), times[0].to_string());
         }
     }
 

@@ -16,7 +16,7 @@ pub struct Unit {
 }
 
 /// Every unit, the larger before the smaller among those of one `base`.
-pub const UNITS: [Unit; 18] = {
+pub const UNITS: [Unit; 19] = {
     const fn row(symbol: &'static str, name: &'static str, base: &'static str, factor: f64) -> Unit {
         Unit { symbol, name, base, factor }
     }
@@ -39,6 +39,7 @@ pub const UNITS: [Unit; 18] = {
         row("s", "seconds", "s", 1.0),
         row("ms", "milliseconds", "s", 1e-3),
         row("us", "microseconds", "s", 1e-6),
+        row("ns", "nanoseconds", "s", 1e-9),
     ]
 };
 

@@ -1,6 +1,6 @@
 //! Rig files: TOML in and out.
 
-use super::{BUILT_IN, CommandPath, Range, Rig, channel_named, parameter_named, unknown};
+use super::{BUILT_IN, CommandPath, Range, Rig, channel_named, parameter_named, unknown, with_nearest};
 use crate::failure::Failure;
 use crate::fit::MAX_FREE;
 use eha_monitor::channel::ChannelRole;
@@ -133,16 +133,16 @@ pub fn read(path: &Path) -> Result<Rig, Failure> {
     let text = std::fs::read_to_string(path).map_err(|error| {
         let names = || BUILT_IN.iter().map(|built_in| built_in.name);
         let name = path.to_string_lossy();
-        // A word that is no path is most likely a built-in name mistyped.
-        let meant = if name.contains(['/', '\\', '.']) {
-            in_file(format!("cannot read this rig file ({error})")).to_string()
-        } else {
-            unknown("rig", &name, names())
-        };
-        Failure::usage(format!(
-            "{meant}; expected a rig file or one of the built-in rigs {}",
+        let expected = format!(
+            "expected a rig file or one of the built-in rigs {}",
             names().collect::<Vec<_>>().join(", ")
-        ))
+        );
+        // A word that is no path is most likely a built-in name mistyped.
+        if name.contains(['/', '\\', '.']) {
+            in_file(format!("cannot read this rig file ({error}), {expected}"))
+        } else {
+            Failure::usage(with_nearest(format!("unknown rig `{name}`, {expected}"), &name, names()))
+        }
     })?;
     parse(&text).map_err(|failure| in_file(failure.to_string()))
 }

@@ -187,6 +187,11 @@ pub fn channel_named(column: &str) -> Result<Channel, Failure> {
 
 /// Says that a name is not known, and which known one is nearest.
 pub fn unknown<'a>(kind: &str, name: &str, known: impl Iterator<Item = &'a str>) -> String {
+    with_nearest(format!("unknown {kind} `{name}`"), name, known)
+}
+
+/// A message about a name, with the known one that is nearest, if it is near.
+fn with_nearest<'a>(message: String, name: &str, known: impl Iterator<Item = &'a str>) -> String {
     // Case decides between names that are equally near without it.
     let likeness = |known: &str| {
         (strsim::jaro_winkler(&name.to_lowercase(), &known.to_lowercase()), strsim::jaro_winkler(name, known))
@@ -196,9 +201,7 @@ pub fn unknown<'a>(kind: &str, name: &str, known: impl Iterator<Item = &'a str>)
         .map(|known| (likeness(known), known))
         .max_by(|(a, _), (b, _)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     match nearest {
-        Some(((likeness, _), known)) if likeness > 0.7 => {
-            format!("unknown {kind} `{name}`; did you mean `{known}`?")
-        }
-        _ => format!("unknown {kind} `{name}`"),
+        Some(((likeness, _), known)) if likeness > 0.7 => format!("{message}; did you mean `{known}`?"),
+        _ => message,
     }
 }

@@ -4,10 +4,15 @@ use super::{FitOptions, converged, fit_records, identify};
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::output;
+use crate::report::REPORT_FILE;
 use crate::rig;
 
 /// Rig that is calibrated unless the user names one.
 const DEFAULT_RIG: &str = "servo-hydraulic";
+
+/// Names of the result and of the rig in the directory of `--out`.
+const RESULT_FILE: &str = "calibrate.json";
+const RIG_FILE: &str = "rig.toml";
 
 /// Options of `calibrate`.
 #[derive(Clone, Debug, clap::Args)]
@@ -21,7 +26,8 @@ pub struct Options {
 /// # Errors
 /// Usage, bad data, or no convergence; with the latter, no file is written.
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
-    let fitted = fit_records(common, &options.fit, DEFAULT_RIG, |rig| rig.free.clone())?;
+    let writes = [RESULT_FILE, REPORT_FILE, RIG_FILE];
+    let fitted = fit_records(common, &options.fit, DEFAULT_RIG, &writes, |rig| rig.free.clone())?;
     let result = identify::json(common, &fitted, "parameters");
     if common.json {
         output::print_json(&result)?;
@@ -29,8 +35,8 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         identify::print(common, &fitted)?;
     }
     converged(&fitted.fit)?;
-    identify::save(common, &fitted, &result, "calibrate.json", "Calibration")?;
-    if let Some(path) = output::out_path(common, "rig.toml") {
+    identify::save(common, &fitted, &result, RESULT_FILE, "Calibration")?;
+    output::save(common, RIG_FILE, || {
         let calibrated = fitted.fit.applied(&fitted.rig);
         let comments = [
             format!("calibrated on {} by host-sim {}", fitted.names.join(", "), env!("CARGO_PKG_VERSION")),
@@ -40,8 +46,6 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
                 common.seed
             ),
         ];
-        output::write_file(&path, rig::write(&calibrated, &comments).as_bytes())?;
-        output::log(common, &format!("wrote {}", path.display()));
-    }
-    Ok(())
+        Ok(rig::write(&calibrated, &comments))
+    })
 }

@@ -1,15 +1,19 @@
 //! `check`: what records are worth, before any fit.
 
+use super::files::Files;
 use super::{DEFAULT_RIG, InputOptions, assignments};
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::inspect::excitation::{SHOWN, grade};
 use crate::inspect::{ChannelFacts, Inspection};
 use crate::output::{self, SCHEMA, quantity};
-use crate::report;
+use crate::report::{self, REPORT_FILE};
 use crate::rig::{Range, Rig};
 use serde_json::{Value, json};
 use std::path::PathBuf;
+
+/// Name of the result in the directory of `--out`.
+const RESULT_FILE: &str = "check.json";
 
 /// Options of `check`.
 #[derive(Clone, Debug, clap::Args)]
@@ -29,6 +33,7 @@ pub struct Options {
 /// # Errors
 /// Usage, or a file that is not a record.
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
+    Files::new(common).reads(&options.records).writes_in_out(&[RESULT_FILE, REPORT_FILE]).check()?;
     let mut rig = super::rig(common, DEFAULT_RIG)?;
     assignments(&mut rig.parameters, &options.at)?;
     let ranges = if rig.faults.is_empty() { rig.free.clone() } else { rig.faults.clone() };
@@ -38,16 +43,21 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         records.into_iter().map(|record| Inspection::new(&rig, &ranges, record)).collect();
     let mut result = json(common, &rig, &ranges, &checked);
     result["config"]["reading"] = options.input.json();
-    if let Some(path) = output::out_path(common, "check.json") {
-        output::write_file(&path, serde_json::to_string_pretty(&result).map_err(Failure::other)?.as_bytes())?;
-        output::log(common, &format!("wrote {}", path.display()));
-    }
-    output::report(common, || report::inspection(&ranges, &checked, &result["config"]))?;
+    let saved = output::save_result(common, RESULT_FILE, &result, || {
+        report::inspection(&ranges, &checked, &result["config"])
+    });
     if common.json {
-        return output::print_json(&result);
+        output::print_json(&result)?;
+    } else {
+        checked.iter().try_for_each(|one| print(&ranges, one))?;
+        output::print(&format!(
+            "host-sim {}; rig {}; seed {}",
+            env!("CARGO_PKG_VERSION"),
+            rig.name,
+            common.seed
+        ))?;
     }
-    checked.iter().try_for_each(|one| print(&ranges, one))?;
-    output::print(&format!("host-sim {}; rig {}; seed {}", env!("CARGO_PKG_VERSION"), rig.name, common.seed))
+    saved
 }
 
 fn errors_json(ranges: &[Range], standard_errors: &[f64]) -> Value {

@@ -5,14 +5,15 @@
 //! `diagnose` names what is missing, and a third record that was not fitted shows the error before and after.
 
 use super::DEFAULT_RIG;
-use super::diagnose::Job;
+use super::diagnose::{Job, WRITES};
+use super::files::Files;
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::fit::TYPICAL_NOISE;
 use crate::interrupt;
 use crate::output;
 use crate::plant::{self, Excitation, Sensing};
-use crate::record::{Record, save_csv};
+use crate::record::{Record, write_csv};
 use crate::rig::Rig;
 use eha_monitor::channel::Channel;
 use eha_monitor::parameter::Parameter;
@@ -33,6 +34,14 @@ const PLANT_STEP: f64 = 2e-6;
 /// Where the example's files go unless the user says otherwise.
 const DIRECTORY: &str = "eha-demo";
 
+/// Name of what is printed, in the directory.
+const PRINTED_FILE: &str = "report.txt";
+
+/// Name of a record, in the directory.
+fn record_file(command: &str) -> String {
+    format!("{command}.csv")
+}
+
 /// Options of `demo`.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub struct Options {}
@@ -49,27 +58,34 @@ pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
     }
     interrupt::watch()?;
     let directory = common.out.clone().unwrap_or_else(|| DIRECTORY.into());
-    let common = &Common { out: Some(directory.clone()), ..common.clone() };
+    let common = &Common { out: Some(directory), ..common.clone() };
+    let mut files = Files::new(common).writes_in_out(&WRITES).writes_in_out(&[PRINTED_FILE]);
+    for (command, _) in FLIGHTS {
+        files = files.writes_in_out(&[&record_file(command)]);
+    }
+    files.check()?;
     let rig = Rig::load(DEFAULT_RIG)?;
     let mut records = FLIGHTS
         .iter()
         .enumerate()
         .map(|(index, (command, _))| fly(&rig, command, common.seed.wrapping_add(index as u64)))
         .collect::<Result<Vec<_>, _>>()?;
-    std::fs::create_dir_all(&directory).map_err(Failure::other)?;
     for record in &records {
-        let path = directory.join(format!("{}.csv", record.name()));
-        let comment = format!("host-sim {} demo, seed {}", env!("CARGO_PKG_VERSION"), common.seed);
-        save_csv(record, &[comment], &path).map_err(Failure::other)?;
-        output::log(common, &format!("wrote {}", path.display()));
+        output::save(common, &record_file(record.name()), || {
+            let comment = format!("host-sim {} demo, seed {}", env!("CARGO_PKG_VERSION"), common.seed);
+            let mut text = Vec::new();
+            write_csv(record, &[comment], &mut text).map_err(Failure::other)?;
+            String::from_utf8(text).map_err(Failure::other)
+        })?;
     }
     let holdout = records.split_off(2);
     let names = FLIGHTS.iter().map(|(command, role)| format!("{command} ({role})")).collect();
     let mut job = Job { common, rig, train: records, holdout, record_notes: Vec::new(), names };
     let answer = job.run()?;
-    job.save(&answer, None)?;
+    let saved = job.save(&answer, None);
     if common.json {
         output::print_json(&answer.result)?;
+        saved?;
         return interrupt::check();
     }
     let truth: Vec<String> = TRUTH
@@ -83,10 +99,9 @@ pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
         truth.join(", "),
         job.text(&answer).trim_end()
     );
-    let path = directory.join("report.txt");
-    output::write_file(&path, text.as_bytes())?;
-    output::log(common, &format!("wrote {}", path.display()));
+    let saved = saved.and_then(|()| output::save(common, PRINTED_FILE, || Ok(text.clone())));
     output::print(&text)?;
+    saved?;
     interrupt::check()
 }
 

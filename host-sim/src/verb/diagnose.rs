@@ -1,14 +1,15 @@
 //! `diagnose`: what does the model lack?
 
+use super::files::{Files, common_samples};
 use super::{DEFAULT_RIG, InputOptions};
-use crate::cli::Common;
+use crate::cli::{Common, written_path};
 use crate::diagnose::{Case, Diagnosis, Score, Verdict, diagnose};
 use crate::failure::Failure;
 use crate::fit::{self, Estimate, FitSettings, LoopScore, Prepared};
 use crate::interrupt;
 use crate::output::{self, SCHEMA};
 use crate::record::Record;
-use crate::report::{self, Diagnosed, OfParts, PARTS};
+use crate::report::{self, Diagnosed, OfParts, PARTS, REPORT_FILE};
 use crate::rig::{self, Rig};
 use crate::trace::Trace;
 use comfy_table::Table;
@@ -18,6 +19,13 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::slice;
 use std::time::Instant;
+
+/// Names of the rig and of the result in the directory of `--out`.
+const RIG_FILE: &str = "rig.toml";
+const RESULT_FILE: &str = "diagnose.json";
+
+/// What a diagnosis writes into the directory of `--out`.
+pub(super) const WRITES: [&str; 3] = [RIG_FILE, RESULT_FILE, REPORT_FILE];
 
 /// Options of `diagnose`.
 #[derive(Clone, Debug, clap::Args)]
@@ -32,11 +40,11 @@ pub struct Options {
     #[command(flatten)]
     input: InputOptions,
     /// Where to write the final model's prediction of the (first) held-out record.
-    #[arg(long, value_name = "FILE.csv", requires = "holdout")]
+    #[arg(long, value_name = "FILE.csv", requires = "holdout", value_parser = written_path())]
     prediction: Option<PathBuf>,
     /// Where to write what was measured, predicted and left of the fitted records, sample by sample (CSV, or Parquet if
     /// it ends so); `trace.csv` in the directory of `--out` by default.
-    #[arg(long, value_name = "FILE.csv|.parquet")]
+    #[arg(long, value_name = "FILE.csv|.parquet", value_parser = written_path())]
     trace: Option<PathBuf>,
 }
 
@@ -45,23 +53,36 @@ pub struct Options {
 /// # Errors
 /// Usage or bad data.
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
+    let trace = super::trace_path(common, options.trace.as_deref());
+    Files::new(common)
+        .reads(&options.records)
+        .reads(&options.holdout)
+        .writes_in_out(&WRITES)
+        .writes(options.prediction.clone())
+        .writes(trace.clone())
+        .check()?;
     let rig = super::rig(common, DEFAULT_RIG)?;
     let (train, mut record_notes) = options.input.read_for_fit(common, &options.records, &rig)?;
     let (holdout, notes) = options.input.read_for_fit(common, &options.holdout, &rig)?;
     record_notes.extend(notes);
+    let given: Vec<_> =
+        options.records.iter().chain(&options.holdout).zip(train.iter().chain(&holdout)).collect();
+    record_notes.extend(common_samples(common, &given, train.len())?);
     let names =
         options.records.iter().chain(&options.holdout).map(|path| path.display().to_string()).collect();
     interrupt::watch()?;
     let mut job = Job { common, rig, train, holdout, record_notes, names };
     let mut answer = job.run()?;
     answer.result["config"]["reading"] = options.input.json();
-    job.save(&answer, options.prediction.as_deref())?;
-    super::save_trace(common, options.trace.as_deref(), || job.trace(&answer.diagnosis))?;
+    let saved = job
+        .save(&answer, options.prediction.as_deref())
+        .and_then(|()| super::save_trace(common, trace.as_deref(), || job.trace(&answer.diagnosis)));
     if common.json {
         output::print_json(&answer.result)?;
     } else {
         output::print(job.text(&answer).trim_end())?;
     }
+    saved?;
     interrupt::check()
 }
 
@@ -260,7 +281,7 @@ impl Job<'_> {
 
     pub(super) fn save(&self, answer: &Answer, prediction: Option<&Path>) -> Result<(), Failure> {
         let Answer { diagnosis, loops, result } = answer;
-        if let Some(path) = output::out_path(self.common, "rig.toml") {
+        output::save(self.common, RIG_FILE, || {
             let effects: Vec<&str> = diagnosis.rig.effects.iter().map(|effect| effect.name).collect();
             let comments = [
                 format!("diagnosed on {} by host-sim {}", self.names.join(", "), env!("CARGO_PKG_VERSION")),
@@ -270,17 +291,9 @@ impl Job<'_> {
                     if effects.is_empty() { "none".to_owned() } else { effects.join(", ") }
                 ),
             ];
-            output::write_file(&path, rig::write(&diagnosis.rig, &comments).as_bytes())?;
-            output::log(self.common, &format!("wrote {}", path.display()));
-        }
-        if let Some(path) = output::out_path(self.common, "diagnose.json") {
-            output::write_file(
-                &path,
-                serde_json::to_string_pretty(result).map_err(Failure::other)?.as_bytes(),
-            )?;
-            output::log(self.common, &format!("wrote {}", path.display()));
-        }
-        output::report(self.common, || {
+            Ok(rig::write(&diagnosis.rig, &comments))
+        })?;
+        output::save_result(self.common, RESULT_FILE, result, || {
             report::diagnosis(&Diagnosed {
                 rig: &self.rig,
                 train: &self.train,
@@ -320,7 +333,9 @@ impl Job<'_> {
         let _ = writeln!(text, "\nforce in closed loop, error over recorded{window}:");
         for (part, scores) in PARTS.into_iter().zip(loops) {
             for (when, score) in ["before", "after"].into_iter().zip(scores.iter().flatten()) {
-                let open = score.open_loop_rms.map_or(String::new(), |rms| format!("{:>12.3} mm", rms * 1e3));
+                let open = score
+                    .open_loop_rms
+                    .map_or(String::new(), |rms| format!("{:>15}", output::quantity(rms, "m")));
                 let _ = writeln!(text, "  {part:<17} {when:<7}{:>8.2} %{open}", score.force_error * 100.0);
             }
         }
@@ -329,7 +344,7 @@ impl Job<'_> {
     pub(super) fn text(&self, answer: &Answer) -> String {
         let Answer { diagnosis, loops, result } = answer;
         let mut text = String::new();
-        let um = |value: f64| format!("{:.3} um", value * 1e6);
+        let metres = |value: f64| output::quantity(value, "m");
         let _ = writeln!(text, "verdict: {}", diagnosis.verdict.name());
         for found in &diagnosis.found {
             let sizes: Vec<String> = found
@@ -360,7 +375,7 @@ impl Job<'_> {
                 let _ = writeln!(text, "  these records cannot tell it from: {}", names.join(", "));
             }
         }
-        let _ = writeln!(text, "\nerror of the user position (noise {}):", um(diagnosis.noise[0]));
+        let _ = writeln!(text, "\nerror of the user position (noise {}):", metres(diagnosis.noise[0]));
         let scores = [Some(diagnosis.train), diagnosis.holdout];
         let largest = scores.iter().flatten().flatten().map(|score| score.position_rms).fold(0.0, f64::max);
         for (part, scores) in PARTS.into_iter().zip(scores) {
@@ -369,7 +384,7 @@ impl Job<'_> {
                 let _ = writeln!(
                     text,
                     "  {part:<17} {when:<7}{:>12}  {}",
-                    um(score.position_rms),
+                    metres(score.position_rms),
                     "#".repeat(length)
                 );
             }

@@ -6,9 +6,12 @@ use crate::cli::Common;
 use crate::failure::Failure;
 use crate::fit::{self, LoopScore};
 use crate::output::{self, SCHEMA, counted, quantity};
-use crate::report::{self, Identified};
+use crate::report::{self, Identified, REPORT_FILE};
 use crate::trace::Trace;
 use serde_json::{Value, json};
+
+/// Name of the result in the directory of `--out`.
+const RESULT_FILE: &str = "identify.json";
 
 /// Options of `identify`.
 #[derive(Clone, Debug, clap::Args)]
@@ -29,10 +32,11 @@ pub struct Options {
 /// Usage, bad data, or no convergence.
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let truth = Truth::parse(&options.truth)?;
-    let fitted = fit_records(common, &options.fit, DEFAULT_RIG, |rig| rig.faults.clone())?;
+    let writes = [RESULT_FILE, REPORT_FILE];
+    let fitted = fit_records(common, &options.fit, DEFAULT_RIG, &writes, |rig| rig.faults.clone())?;
     let mut result = json(common, &fitted, "faults");
     truth.add_to(&fitted.fit, &mut result);
-    save(common, &fitted, &result, "identify.json", "Identification")?;
+    let saved = save(common, &fitted, &result, RESULT_FILE, "Identification");
     if common.json {
         output::print_json(&result)?;
     } else {
@@ -42,10 +46,11 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         print(common, &fitted)?;
         truth.print(&fitted.fit)?;
     }
+    saved?;
     converged(&fitted.fit)
 }
 
-/// Writes the result as JSON and as a report, if there is a directory for them.
+/// Writes the trace, and the result as JSON and as a report, if there is a place for them.
 pub(super) fn save(
     common: &Common,
     fitted: &Fitted,
@@ -56,10 +61,7 @@ pub(super) fn save(
     save_trace(common, fitted.trace.as_deref(), || {
         Trace::new(&fitted.records, &fitted.prepared, &[("model", &fitted.fit.predictions)])
     })?;
-    let Some(path) = output::out_path(common, file) else { return Ok(()) };
-    output::write_file(&path, serde_json::to_string_pretty(result).map_err(Failure::other)?.as_bytes())?;
-    output::log(common, &format!("wrote {}", path.display()));
-    output::report(common, || {
+    output::save_result(common, file, result, || {
         report::identification(&Identified {
             title,
             rig: &fitted.rig,

@@ -1,6 +1,7 @@
 //! `import`: MAT, Parquet and foreign CSV files to records.
 
 use super::InputOptions;
+use super::files::Files;
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::output;
@@ -13,7 +14,7 @@ pub struct Options {
     /// MAT file (v5, v7.3), Parquet or CSV file.
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Where to write the record; `record.csv` in the directory of `--out` by default, else stdout.
+    /// Where to write the record; `record.csv` in the directory of `--out` by default, else stdout (`-`).
     #[arg(long, short, value_name = "REC.csv")]
     output: Option<PathBuf>,
     #[command(flatten)]
@@ -25,10 +26,11 @@ pub struct Options {
 /// # Errors
 /// Usage: a wrong column mapping. Data: the file is not a record.
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
+    let path = output::record_path(common, options.output.as_deref());
+    Files::new(common).reads(std::slice::from_ref(&options.file)).writes(path.clone()).check()?;
     let record = options.input.read(common, std::slice::from_ref(&options.file))?.remove(0);
     let comments =
         [format!("imported from {} by host-sim {}", options.file.display(), env!("CARGO_PKG_VERSION"))];
-    let path = options.output.clone().or_else(|| output::out_path(common, output::RECORD_FILE));
     let config = json!({ "file": options.file.display().to_string(), "reading": options.input.json() });
     output::record(common, &record, &comments, path.as_deref(), config)
 }

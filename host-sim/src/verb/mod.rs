@@ -5,6 +5,7 @@ pub mod calibrate;
 pub mod check;
 pub mod demo;
 pub mod diagnose;
+mod files;
 pub mod hil;
 pub mod identify;
 pub mod import;
@@ -14,7 +15,7 @@ pub mod reproduce;
 pub mod shell;
 pub mod simulate;
 
-use crate::cli::Common;
+use crate::cli::{Common, written_path};
 use crate::failure::Failure;
 use crate::fit::{self, AsRead, Fit, FitSettings, NoiseSource, Prepared, Reading};
 use crate::inspect::screen::{Screened, screen};
@@ -29,6 +30,7 @@ use eha_monitor::fit::identify::StopReason;
 use eha_monitor::model::Drive;
 use eha_monitor::model::sensor::Lvdt;
 use eha_monitor::parameter::{Parameter, Parameters};
+use files::{Files, common_samples};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -36,8 +38,9 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Reading records")]
 pub struct InputOptions {
-    /// Which column or variable is which channel, in which unit: `lvdt_m=pos[mm],command_m=ref[mm]`.
-    #[arg(long, value_delimiter = ',', value_name = "CHANNEL=NAME[UNIT]")]
+    /// Which column or variable is which channel, in which unit: `lvdt_m=pos[mm],command_m=ref[mm]`; of an array in a MAT
+    /// file, `lvdt_m=data(:,2)[mm]`.
+    #[arg(long, value_name = "CHANNEL=NAME[UNIT],...")]
     columns: Vec<String>,
     /// Sampling rate, Hz, where a file has no time, or stamps that jitter, or rows that were lost.
     #[arg(long, value_name = "HZ")]
@@ -64,7 +67,7 @@ impl InputOptions {
         {
             return Err(Failure::usage(format!("--from {from} --to {to}: expected the first to be earlier")));
         }
-        let columns = Mapping::parse(self.columns.iter().map(String::as_str)).map_err(Failure::usage)?;
+        let columns = Mapping::parse(self.entries()).map_err(Failure::usage)?;
         paths
             .iter()
             .map(|path| {
@@ -79,9 +82,14 @@ impl InputOptions {
             .collect()
     }
 
+    /// What is said of columns, one channel each.
+    fn entries(&self) -> impl Iterator<Item = &str> {
+        self.columns.iter().flat_map(|list| Mapping::split(list))
+    }
+
     /// These options as JSON, for the configuration of a result.
     fn json(&self) -> Value {
-        json!({ "columns": self.columns, "rate_Hz": self.rate, "from_s": self.from, "to_s": self.to })
+        json!({ "columns": self.entries().collect::<Vec<_>>(), "rate_Hz": self.rate, "from_s": self.from, "to_s": self.to })
     }
 
     /// The records alone, as they are.
@@ -196,7 +204,7 @@ pub struct FitOptions {
     budget: u32,
     /// Where to write what was measured, predicted and left, sample by sample (CSV, or Parquet if it ends so);
     /// `trace.csv` in the directory of `--out` by default.
-    #[arg(long, value_name = "FILE.csv|.parquet")]
+    #[arg(long, value_name = "FILE.csv|.parquet", value_parser = written_path())]
     trace: Option<PathBuf>,
 }
 
@@ -218,15 +226,21 @@ fn assignments(parameters: &mut Parameters<f64>, texts: &[String]) -> Result<(),
 
 /// Sets a parameter after a check of its range.
 fn set(parameters: &mut Parameters<f64>, parameter: Parameter, value: f64) -> Result<(), Failure> {
-    let info = parameter.info();
-    if !(info.lower..=info.upper).contains(&value) {
-        return Err(Failure::usage(format!(
-            "`{}` = {value}: expected {} to {} {}",
-            info.name, info.lower, info.upper, info.unit
-        )));
-    }
+    check_value(parameter, value)?;
     parameters.set(parameter, value);
     Ok(())
+}
+
+/// Refuses a value outside of the range of a parameter.
+fn check_value(parameter: Parameter, value: f64) -> Result<(), Failure> {
+    let info = parameter.info();
+    if (info.lower..=info.upper).contains(&value) {
+        return Ok(());
+    }
+    Err(Failure::usage(format!(
+        "`{}` = {value}: expected {} to {} {}",
+        info.name, info.lower, info.upper, info.unit
+    )))
 }
 
 /// Ranges with the user's bounds in place of those of the same parameters.
@@ -275,17 +289,23 @@ struct Fitted {
 /// Mean square of the residual, in units of the noise, above which a model is said to lack something.
 const SUSPECT: f64 = 2.0;
 
-/// Reads records and fits the ranges that `choose` takes from the rig.
+/// Reads records and fits the ranges that `choose` takes from the rig; `writes` are the files of the result in the
+/// directory of `--out`.
 fn fit_records(
     common: &Common,
     options: &FitOptions,
     default_rig: &str,
+    writes: &[&str],
     choose: impl FnOnce(&Rig) -> Vec<Range>,
 ) -> Result<Fitted, Failure> {
     interrupt::watch()?;
+    let trace = trace_path(common, options.trace.as_deref());
+    Files::new(common).reads(&options.records).writes_in_out(writes).writes(trace.clone()).check()?;
     let rig = rig(common, default_rig)?;
     let ranges = with_bounds(&choose(&rig), &options.bounds)?;
     let (records, mut record_notes) = options.input.read_for_fit(common, &options.records, &rig)?;
+    let given: Vec<_> = options.records.iter().zip(&records).collect();
+    record_notes.extend(common_samples(common, &given, records.len())?);
     let noise_source = fit::noise_source(&rig, &records);
     let prepared: Vec<Prepared> = records.iter().map(|record| fit::prepare(&rig, record)).collect();
     let settings = FitSettings { seed: common.seed, population: options.population, budget: options.budget };
@@ -315,16 +335,19 @@ fn fit_records(
         reading: options.input.json(),
         search: json!({ "population": options.population, "budget": options.budget }),
         names,
-        trace: options.trace.clone(),
+        trace,
     })
 }
 
-/// Writes a trace where the user wants it: in a file, else in the directory of `--out`, else not.
+/// Where a trace goes: where the user wants it, else into the directory of `--out`, else nowhere.
+fn trace_path(common: &Common, path: Option<&Path>) -> Option<PathBuf> {
+    path.map(Path::to_path_buf).or_else(|| output::out_path(common, TRACE_FILE))
+}
+
+/// Writes a trace, if there is a path for it.
 fn save_trace(common: &Common, path: Option<&Path>, trace: impl FnOnce() -> Trace) -> Result<(), Failure> {
-    let Some(path) = path.map(Path::to_path_buf).or_else(|| output::out_path(common, TRACE_FILE)) else {
-        return Ok(());
-    };
-    trace().save(&path)?;
+    let Some(path) = path else { return Ok(()) };
+    trace().save(path)?;
     output::log(common, &format!("wrote {}", path.display()));
     Ok(())
 }

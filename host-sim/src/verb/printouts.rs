@@ -1,5 +1,6 @@
 //! Printouts that users of the source know: its fault-parameter check, and the log of a search.
 
+use super::check_value;
 use crate::failure::Failure;
 use crate::fit::{Estimate, Fit, Visit};
 use crate::output::{self, quantity};
@@ -16,12 +17,15 @@ impl Truth {
     /// Reads texts such as `bkl=2e-4`.
     ///
     /// # Errors
-    /// Usage: no such parameter, or not a number.
+    /// Usage: no such parameter, not a number, or none that the parameter can have.
     pub(super) fn parse(texts: &[String]) -> Result<Self, Failure> {
         let one = |text: &String| {
             let wrong = || Failure::usage(format!("`{text}`: expected NAME=VALUE, such as fdj=800"));
             let (name, value) = text.split_once('=').ok_or_else(wrong)?;
-            Ok((parameter_named(name.trim())?, value.trim().parse::<f64>().map_err(|_| wrong())?))
+            let (parameter, value) =
+                (parameter_named(name.trim())?, value.trim().parse().map_err(|_| wrong())?);
+            check_value(parameter, value)?;
+            Ok((parameter, value))
         };
         texts.iter().map(one).collect::<Result<_, _>>().map(Self)
     }

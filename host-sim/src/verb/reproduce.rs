@@ -5,6 +5,7 @@
 //! monitor's model is then used for all twelve cases; or the user's rig is, which such a diagnosis wrote before.
 
 use super::diagnose::Job;
+use super::files::Files;
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::fit::{self, Fit, FitSettings};
@@ -12,7 +13,7 @@ use crate::interrupt;
 use crate::output::{self, SCHEMA};
 use crate::plant::{self, Excitation, Sensing};
 use crate::record::Record;
-use crate::report::{self, Portrait, Reproduced};
+use crate::report::{self, Portrait, REPORT_FILE, Reproduced};
 use crate::rig::{BUILT_IN, Rig};
 use crate::thesis::{BKL_BOUNDS, CASES, Case};
 use eha_monitor::channel::Channel;
@@ -39,6 +40,9 @@ const SEEDS: u64 = 15;
 /// Evaluations of each search in the table of findings.
 const SEARCH_BUDGET: u32 = 400;
 
+/// Name of the result in the directory of `--out`.
+const RESULT_FILE: &str = "reproduce.json";
+
 /// Options of `reproduce`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
@@ -53,8 +57,9 @@ pub struct Options {
 /// Runs the verb.
 ///
 /// # Errors
-/// Stdout cannot be written.
+/// Stdout or a file cannot be written.
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
+    Files::new(common).writes_in_out(&[RESULT_FILE, REPORT_FILE]).check()?;
     interrupt::watch()?;
     let started = Instant::now();
     let monitor: Rig = (BUILT_IN[0].make)();
@@ -99,17 +104,14 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         "config": { "version": env!("CARGO_PKG_VERSION"), "seed": common.seed, "rig": common.rig, "data": if options.lf_data { "lf" } else { "hf" },
                     "samples": SAMPLES, "plant_step_s": PLANT_STEP, "channels": ["lvdt_m", "current_mA"] },
     });
-    if let Some(path) = output::out_path(common, "reproduce.json") {
-        output::write_file(&path, serde_json::to_string_pretty(&result).map_err(Failure::other)?.as_bytes())?;
-        output::log(common, &format!("wrote {}", path.display()));
-    }
     let portraits = if common.out.is_some() { portraits()? } else { Vec::new() };
-    output::report(common, || {
+    let saved = output::save_result(common, RESULT_FILE, &result, || {
         let cases: Vec<Reproduced> = results.iter().map(Outcome::in_report).collect();
         report::reproduction(&cases, &portraits, &result)
-    })?;
+    });
     if common.json {
         output::print_json(&result)?;
+        saved?;
         return interrupt::check();
     }
     if let Some(rig) = &augmented {
@@ -128,6 +130,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         "total {seconds:.2} s (the source: 3532 to 10208 s for one case); seed {}",
         common.seed
     ))?;
+    saved?;
     interrupt::check()
 }
 

@@ -1,5 +1,6 @@
 //! `completions`, `man`: what shells and manuals know of the command line, from the command line itself.
 
+use super::files::Files;
 use crate::cli::{Cli, Common};
 use crate::failure::Failure;
 use crate::output;
@@ -46,10 +47,14 @@ pub fn man(common: &Common, options: &ManOptions) -> Result<(), Failure> {
     };
     let verbs = || command.get_subcommands().filter(|verb| verb.get_name() != "help");
     if let Some(directory) = &common.out {
-        output::write_file(&directory.join(format!("{}.1", command.get_name())), &page(&command)?)?;
-        for verb in verbs() {
-            let name = format!("{}-{}.1", command.get_name(), verb.get_name());
-            output::write_file(&directory.join(&name), &page(verb)?)?;
+        let of_verb =
+            |verb: &clap::Command| (format!("{}-{}.1", command.get_name(), verb.get_name()), verb.clone());
+        let own = (format!("{}.1", command.get_name()), command.clone());
+        let pages: Vec<(String, clap::Command)> = std::iter::once(own).chain(verbs().map(of_verb)).collect();
+        let names: Vec<&str> = pages.iter().map(|(name, _)| name.as_str()).collect();
+        Files::new(common).writes_in_out(&names).check()?;
+        for (name, command) in &pages {
+            output::write_file(&directory.join(name), &page(command)?)?;
         }
         output::log(common, &format!("wrote the manual pages to {}", directory.display()));
         return Ok(());

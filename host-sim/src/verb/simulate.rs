@@ -1,5 +1,6 @@
 //! `simulate`: a record from the HF or the LF model.
 
+use super::files::Files;
 use super::{assignments, check_delay, set};
 use crate::cli::Common;
 use crate::failure::Failure;
@@ -75,9 +76,16 @@ pub struct Options {
     /// Measured channels to write; all by default.
     #[arg(long, value_delimiter = ',', value_name = "CHANNEL")]
     channels: Vec<String>,
-    /// Where to write the record; `record.csv` in the directory of `--out` by default, else stdout.
+    /// Where to write the record; `record.csv` in the directory of `--out` by default, else stdout (`-`).
     #[arg(long, short, value_name = "REC.csv")]
     output: Option<PathBuf>,
+}
+
+impl Options {
+    /// The file whose command is flown, where it is no built-in one.
+    fn flown(&self) -> Option<PathBuf> {
+        self.command.to_ascii_lowercase().ends_with(".csv").then(|| PathBuf::from(&self.command))
+    }
 }
 
 /// Most samples of a simulated record.
@@ -88,6 +96,9 @@ const MAX_SAMPLES: f64 = 1e7;
 /// # Errors
 /// Usage: an unknown name or a value out of range, or options that make no record (too short, or nothing moves).
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
+    let path = output::record_path(common, options.output.as_deref());
+    let flown: Vec<PathBuf> = options.flown().into_iter().collect();
+    Files::new(common).reads(&flown).writes(path.clone()).check()?;
     let mut rig = super::rig(common, super::DEFAULT_RIG)?;
     if options.model == Fidelity::Hf && rig.form.drive == Drive::Valve {
         rig.parameters.metering_blend = 1.0;
@@ -144,7 +155,6 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     if let Some(load) = &options.load {
         comments.push(format!("load {load}"));
     }
-    let path = options.output.clone().or_else(|| output::out_path(common, output::RECORD_FILE));
     let config = json!({
         "rig": rig.name,
         "model": format!("{:?}", options.model),
@@ -232,9 +242,8 @@ struct Asked {
 /// The command of a name or of a record, the load, and for a rig that is driven by a force without a known controller
 /// the force.
 fn asked(options: &Options, rig: &Rig) -> Result<Asked, Failure> {
-    let from_name = CommandInfo::named(&options.command);
-    let (mut excitation, command) = match from_name {
-        Some(info) => {
+    let (mut excitation, command) = match (CommandInfo::named(&options.command), options.flown()) {
+        (Some(info), _) => {
             let period = positive("period", options.period.unwrap_or(1e-3))?;
             let duration = positive("duration", options.duration.unwrap_or(1.0))?;
             let samples = (duration / period).round() + 1.0;
@@ -261,7 +270,7 @@ fn asked(options: &Options, rig: &Rig) -> Result<Asked, Failure> {
             );
             (excitation, words)
         }
-        None if options.command.to_ascii_lowercase().ends_with(".csv") => {
+        (None, Some(path)) => {
             let shapes = [
                 ("amplitude", options.amplitude),
                 ("frequency", options.frequency),
@@ -276,7 +285,7 @@ fn asked(options: &Options, rig: &Rig) -> Result<Asked, Failure> {
                     options.command
                 )));
             }
-            let record = read_csv(&PathBuf::from(&options.command))?.record;
+            let record = read_csv(&path)?.record;
             let values = |channel| record.channel(channel).map(<[f64]>::to_vec).unwrap_or_default();
             let excitation = Excitation {
                 sample_period: record.sample_period_s(),
@@ -286,7 +295,7 @@ fn asked(options: &Options, rig: &Rig) -> Result<Asked, Failure> {
             };
             (excitation, format!("of {}", options.command))
         }
-        None => {
+        (None, None) => {
             return Err(Failure::usage(unknown(
                 "command",
                 &options.command,

@@ -102,6 +102,34 @@ fn a_window_of_a_record_is_a_record() {
 }
 
 #[test]
+fn samples_that_count_twice_are_told() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    let warnings = |records: &[&str]| {
+        bench.run(&[&["identify", "--json"][..], records].concat()).done().json()["warnings"].to_string()
+    };
+    let note = "record.csv@..0.6 and ./record.csv have samples in common, which count twice";
+    let found = warnings(&["record.csv@..0.6", "./record.csv"]);
+    assert!(found.contains(note), "{found}");
+    let found = warnings(&["record.csv@..0.5", "record.csv@0.5.."]);
+    assert!(!found.contains("in common"), "{found}");
+    // A copy under another name may be another flight of the same command.
+    bench.write("copy.csv", &bench.read("record.csv"));
+    let found = warnings(&["record.csv", "copy.csv"]);
+    assert!(!found.contains("in common"), "{found}");
+}
+
+#[test]
+fn what_is_lost_of_a_record_that_starts_at_zero_leaves_its_start() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    let rows = bench.read("record.csv").replace("\n0.03,", "\n#");
+    bench.write("gap.csv", &rows);
+    let printed = bench.run(&["check", "gap.csv", "--rate", "1000"]).done().stdout;
+    assert!(printed.starts_with("gap.csv: 1001 samples, 1000 Hz, 1.001 s from 0 s\n"), "{printed}");
+}
+
+#[test]
 fn a_trace_adds_up_and_parquet_says_the_same_as_csv() {
     let bench = Bench::new();
     bench.noisy_record();

@@ -8,7 +8,13 @@ fn a_wrong_name_gets_a_suggestion() {
     bench.noisy_record();
     for (arguments, parts) in [
         (&["identfy", "record.csv"][..], &["identify"][..]),
-        (&["identify", "record.csv", "--rig", "ehb"], &["`ehb`", "did you mean `eha`"]),
+        (
+            &["identify", "record.csv", "--rig", "ehb"],
+            &[
+                "unknown rig `ehb`, expected a rig file or one of the built-in rigs eha,",
+                "; did you mean `eha`?\n",
+            ],
+        ),
         (&["identify", "record.csv", "--rig", "servo-hydraulics"], &["did you mean `servo-hydraulic`"]),
         (&["identify", "record.csv", "--bounds", "bkk=0..1"], &["`bkk`", "did you mean `bkl`"]),
         (&["identify", "record.csv", "--seeed", "1"], &["--seed"]),
@@ -33,6 +39,7 @@ fn a_wrong_value_is_named_with_what_was_expected() {
         (&["identify", "record.csv", "--bounds", "bkl=5..1"], &["5 to 1 of `bkl`", "lower < upper"]),
         (&["identify", "record.csv", "--bounds", "bkl=0..nan"], &["`bkl`"]),
         (&["identify", "record.csv", "--bounds", "bkl=0"], &["NAME=LOW..HIGH"]),
+        (&["identify", "record.csv", "--truth", "bkl=2"], &["`bkl` = 2: expected 0 to", " m\n"]),
         (&["identify", "record.csv", "--population", "3"], &["4..=64"]),
         (&["identify", "record.csv", "--budget", "0"], &["--budget"]),
         (&["identify", "record.csv", "--threads", "0"], &["--threads"]),
@@ -63,6 +70,16 @@ fn a_wrong_value_is_named_with_what_was_expected() {
         (&["simulate", "--amplitude", "0"], &["lvdt_m", "same value"]),
         (&["simulate", "--rig", "force-axis"], &["drive_N"]),
         (&["import", "record.csv", "--columns", "lvdt_m"], &["lvdt_m"]),
+        (
+            &["diagnose", "record.csv@..0.6", "--holdout", "record.csv@0.5.."],
+            &[
+                "record.csv@..0.6 is fitted and has samples in common with record.csv@0.5.., which is held out",
+            ],
+        ),
+        (
+            &["diagnose", "record.csv", "--holdout", "./record.csv"],
+            &["in common with ./record.csv, which is held out"],
+        ),
     ] {
         bench.run(arguments).refused(USAGE, parts);
     }

@@ -1,0 +1,240 @@
+//! Text files as loggers, spreadsheets and other programs write them.
+
+use std::fmt::Write as _;
+
+use eha_monitor::channel::Channel;
+
+use super::*;
+use crate::record::{Mapping, Record};
+
+/// A position that moves by some millimetres, m.
+fn position(row: usize) -> f64 {
+    4e-3 * (row as f64 * 0.05).sin()
+}
+
+/// A text of 60 rows at 1 kHz, of time and twice the position.
+fn text(header: &str, row: impl Fn(usize) -> [String; 3]) -> String {
+    let mut text = format!("{header}\n");
+    for index in 0..60 {
+        let _ = writeln!(text, "{}", row(index).join(";"));
+    }
+    text
+}
+
+/// The same in the units of the channels.
+fn plain(row: usize) -> [String; 3] {
+    [format!("{:.3}", row as f64 * 1e-3), position(row).to_string(), position(row).to_string()]
+}
+
+/// The same in milliseconds and millimetres.
+fn in_milli(row: usize) -> [String; 3] {
+    let position = (position(row) * 1e3).to_string();
+    [row.to_string(), position.clone(), position]
+}
+
+const HEADER: &str = "t_s;command_m;lvdt_m";
+
+fn parse(text: &str, entries: &[&str], rate: Option<f64>) -> Result<Loaded, RecordError> {
+    let columns = Mapping::parse(entries.iter().copied()).expect("a valid mapping");
+    let options = ReadOptions { columns, sample_rate_hz: rate, ..ReadOptions::default() };
+    parse_csv("run.csv", text.as_bytes(), &options)
+}
+
+fn message(text: &str, entries: &[&str], rate: Option<f64>) -> String {
+    parse(text, entries, rate).expect_err("must be refused").to_string()
+}
+
+/// Is it the motion of [`text`], at 1 kHz?
+fn is_motion(record: &Record) -> bool {
+    let values = record.channel(Channel::UserPosition).expect("required");
+    (record.sample_period_s() - 1e-3).abs() < 1e-12
+        && values.len() == 60
+        && values.iter().enumerate().all(|(row, value)| (value - position(row)).abs() < 1e-12)
+}
+
+#[test]
+fn what_other_programs_write_for_a_lost_sample_is_one() {
+    for lost in ["NaN", "nan", "NA", "N/A", "null", ""] {
+        let with = |column: usize| {
+            text(HEADER, |row| {
+                let mut cells = plain(row);
+                if row == 12 {
+                    cells[column] = lost.to_owned();
+                }
+                cells
+            })
+        };
+        let loaded = parse(&with(2), &[], None).expect(lost);
+        assert_eq!(loaded.record.missing_count(Channel::UserPosition), 1);
+        assert_eq!(loaded.warnings, ["run.csv: column `lvdt_m` (3): 1 of 60 samples are missing"]);
+        for (column, name) in [(0, "t_s"), (1, "command_m")] {
+            let place =
+                format!("run.csv:14: column `{name}` ({}): found a blank cell or NaN, expected", column + 1);
+            assert!(message(&with(column), &[], None).starts_with(&place), "{lost}");
+        }
+    }
+}
+
+#[test]
+fn decimal_commas_are_read_between_other_separators() {
+    let german = text(HEADER, |row| plain(row).map(|cell| cell.replace('.', ",")));
+    for text in [german.clone(), german.replace(';', "\t")] {
+        let Loaded { record, warnings } = parse(&text, &[], None).expect("valid");
+        assert!(is_motion(&record) && warnings.is_empty(), "{warnings:?}");
+    }
+    // The digits of the time are counted as those of a point: a lost row is seen.
+    let lost: Vec<&str> = german.lines().filter(|line| !line.starts_with("0,030")).collect();
+    let lost = lost.join("\n");
+    assert!(message(&lost, &[], None).contains("found a step of 0.002000000 s"));
+    assert_eq!(
+        message(&german.replace("0,007;", "0.007;"), &[], None),
+        "run.csv:9: column `t_s` (1): found `0.007`, expected decimal points or decimal commas, not both"
+    );
+    let quoted = german.replace(';', "\",\"").replace('\n', "\"\n\"");
+    let found = message(&format!("\"{}", quoted.trim_end_matches('"')), &[], None);
+    assert!(
+        found.contains("found `0,000` with a decimal comma, expected a decimal point where commas"),
+        "{found}"
+    );
+    let open = text("t_s;command_m;lvdt_m", |row| [row.to_string(), "1,250".to_owned(), row.to_string()]);
+    let found = message(&open, &["t_s=t_s[ms]"], None);
+    assert!(
+        found.starts_with("run.csv:2: column `command_m` (2): found `1,250`, which is 1.250 or 1250"),
+        "{found}"
+    );
+}
+
+#[test]
+fn a_separator_may_be_declared() {
+    // More commas than semicolons in the header.
+    let header = "t_s;command_m;lvdt_m;note, with, three, commas";
+    let body = text(header, plain).replace('\n', ";-\n").replacen(";-\n", "\n", 1);
+    assert!(message(&body, &[], None).contains("is missing"));
+    for first in ["sep=;", "\u{feff}sep=;", "\"sep=;\"", "# by hand\n\nSEP=;"] {
+        let Loaded { record, .. } = parse(&format!("{first}\n{body}"), &[], None).expect(first);
+        assert!(is_motion(&record), "{first}");
+    }
+    let wrong = format!("sep=;\n{}", body.replace("0.007;", "x;"));
+    assert!(message(&wrong, &[], None).starts_with("run.csv:10: column `t_s` (1): found `x`"));
+    let tabs = format!("sep=\t\n{}", body.replace(';', "\t"));
+    assert!(is_motion(&parse(&tabs, &[], None).expect("valid").record));
+}
+
+#[test]
+fn a_row_of_units_counts_where_nothing_else_says_a_unit() {
+    let units = |units: &str| text(&format!("time;ref;pos\n{units}"), in_milli);
+    let names = ["t_s=time", "command_m=ref", "lvdt_m=pos"];
+    for row in ["ms;mm;mm", "[ms];[mm];[mm]", "(ms);(mm);(mm)"] {
+        let Loaded { record, warnings } = parse(&units(row), &names, None).expect(row);
+        assert!(is_motion(&record), "{row}");
+        assert_eq!(warnings, ["run.csv: units of line 2: `time` in ms, `ref` in mm, `pos` in mm"]);
+    }
+    // The mapping has the last word, and a factor is for what has no unit.
+    let stated = ["t_s=time[ms]", "command_m=ref[mm]", "lvdt_m=pos*1e-3"];
+    let Loaded { record, warnings } = parse(&units("s;mm;counts"), &stated, None).expect("valid");
+    assert!(is_motion(&record) && warnings.is_empty(), "{warnings:?}");
+    let wrong = |row: &str| message(&units(row), &names, None);
+    let place = "run.csv:2: column `pos` (3): found the unit";
+    assert_eq!(wrong("ms;mm;bar"), format!("{place} `bar`, expected one of m, in, cm, mm, um"));
+    assert!(wrong("ms;mm;furlong").starts_with(&format!("{place} `furlong`, expected one of m")));
+    // Names of channels say their unit.
+    let plain_units = |row: &str| text(&format!("{HEADER}\n{row}"), plain);
+    assert!(is_motion(&parse(&plain_units("s;m;m"), &[], None).expect("valid").record));
+    assert_eq!(
+        message(&plain_units("s;m;mm"), &[], None),
+        "run.csv:2: column `lvdt_m` (3): found the unit `mm`, expected m as the name says; if it is that unit, \
+         `--columns 'lvdt_m=lvdt_m[mm]'`"
+    );
+    // Words that are no units are no numbers either.
+    assert!(message(&plain_units("Zeit;Soll;Ist"), &[], None).contains("found `Zeit`, expected a number"));
+}
+
+#[test]
+fn a_rate_does_without_a_clock() {
+    let clock = text(HEADER, |row| {
+        let [_, command, position] = plain(row);
+        [format!("2024-05-01T12:00:00.{row:03}"), command, position]
+    });
+    let found = message(&clock, &[], None);
+    let expected = "run.csv:2: column `t_s` (1): found the clock time `2024-05-01T12:00:00.000`, expected a number of seconds";
+    assert!(found.starts_with(expected) && found.contains("`--rate HZ`"), "{found}");
+    let Loaded { record, warnings } = parse(&clock, &[], Some(1000.0)).expect("valid");
+    assert!(is_motion(&record));
+    let note = "run.csv: column `t_s` (1): not used, the rate gives the time: found `2024-05-01T12:00:00.000`, which is";
+    assert!(warnings.len() == 1 && warnings[0].starts_with(note), "{warnings:?}");
+    // A clock that ends in words is damaged, not a clock.
+    let damaged = text(HEADER, plain).replace("0.007;", "late;");
+    assert!(message(&damaged, &[], Some(1000.0)).contains("found `late`, expected a number"));
+}
+
+#[test]
+fn rows_that_come_twice_are_left_out() {
+    let twice =
+        text(HEADER, plain).replace("\n0.030;", "\n#\n0.030;").lines().fold(String::new(), |all, line| {
+            let times = if line.starts_with("0.007") || line.starts_with("0.03") { 2 } else { 1 };
+            all + &format!("{line}\n").repeat(times)
+        });
+    for rate in [None, Some(1000.0)] {
+        let Loaded { record, warnings } = parse(&twice, &[], rate).expect("valid");
+        assert!(is_motion(&record));
+        assert_eq!(
+            warnings[0],
+            "run.csv: 11 rows repeat the one before, time and all: left out, the first at line 10"
+        );
+    }
+    // Different values at one time are not the same row.
+    let (row, other) = (plain(7).join(";"), plain(8)[1].clone());
+    let differs = text(HEADER, plain).replace(&row, &format!("{row}\n0.007;{other};{other}"));
+    assert_eq!(
+        message(&differs, &[], None),
+        "run.csv:10: column `t_s` (1): found 0.007 s after 0.007 s, expected increasing time"
+    );
+}
+
+#[test]
+fn the_unit_of_a_clock_is_told_from_its_steps() {
+    let since_epoch = |per_second: u64| {
+        text(HEADER, |row| {
+            let [_, command, position] = plain(row);
+            let stamp = 1_714_564_800 * per_second + row as u64 * per_second / 1000;
+            [stamp.to_string(), command, position]
+        })
+    };
+    let found = message(&since_epoch(1_000_000_000), &[], None);
+    let hint = "it looks like nanoseconds: convert with `--columns 't_s=t_s[ns]'`";
+    assert!(found.contains("found a magnitude of") && found.ends_with(hint), "{found}");
+    for (per_second, unit) in [(1_000_000_000, "ns"), (1_000_000, "us"), (1000, "ms")] {
+        let record =
+            parse(&since_epoch(per_second), &[&format!("t_s=t_s[{unit}]")], None).expect(unit).record;
+        assert!((record.sample_period_s() - 1e-3).abs() < 1e-9, "{unit}: {}", record.sample_period_s());
+    }
+    let warnings = parse(&since_epoch(1_000_000), &[], None).expect("valid").warnings;
+    assert_eq!(
+        warnings,
+        ["run.csv: the sampling period is 1000 s: is the time in seconds? It looks like microseconds: \
+             `--columns 't_s=t_s[us]'`"]
+    );
+}
+
+#[test]
+fn names_are_found_with_and_without_a_space_before_the_unit() {
+    for (header, entry) in
+        [("Zeit [ms]", "t_s=Zeit[ms]"), ("Zeit[ms]", "t_s=Zeit [ms]"), ("Zeit  [ms]", "t_s=Zeit [ms]")]
+    {
+        let text = text(&format!("{header};Soll;Ist"), in_milli);
+        let record =
+            parse(&text, &[entry, "command_m=Soll[mm]", "lvdt_m=Ist[mm]"], None).expect(header).record;
+        assert!(is_motion(&record), "{header}");
+    }
+    let text = text("Zeit [ms];Soll;Ist", in_milli);
+    assert_eq!(
+        message(&text, &["t_s=Ziet[ms]", "command_m=Soll[mm]", "lvdt_m=Ist[mm]"], None),
+        "run.csv:1: `t_s=Ziet[ms]` is missing: found `Zeit [ms]`, `Soll`, `Ist`; did you mean \
+         `--columns 't_s=Zeit [ms]'`?"
+    );
+    assert_eq!(
+        message(&text, &["command_m=Soll[mm]", "lvdt_m=Ist[mm]"], None),
+        "run.csv:1: `t_s` is missing: found `Zeit [ms]`, `Soll`, `Ist`; map one: `--columns t_s=NAME`, or give the \
+         sampling rate: `--rate HZ`"
+    );
+}
