@@ -226,8 +226,7 @@ fn a_valley_that_looks_better_from_afar_is_not_the_end() {
     // The friction at which a step of the held ram sets it going divides the valleys; only the other side of it looks good
     // from afar.
     let directory = tempfile::tempdir().unwrap();
-    let step = Command::named("step").expect("a command of the table");
-    let record = save(directory.path(), "step.csv", sensed(faulty().record(&step, 4001), 0.0, 61));
+    let record = save(directory.path(), "step.csv", sensed(faulty().record(&Command::STEP, 4001), 0.0, 61));
     for seed in ["1", "2", "3"] {
         let result = host_sim("identify", |command| command.arg(&record).args(["--seed", seed]));
         assert_eq!(result["stop"], "noise-reached", "{result:#}");
