@@ -524,18 +524,16 @@ fn diagnose_from(
     Answer { diagnosis, model: whole, asked: sound.asked, simple: sound.simple }
 }
 
-/// An empirical term is there to predict: as long as the held-out records are predicted worse than without any, the
-/// weakest is dropped.
+/// An empirical term is there to predict: as long as the held-out records, or the fitted ones where none are held out, are
+/// predicted worse than without any, the weakest is dropped.
 fn helpful(
     case: &Case<'_>,
     before: &Fit,
     mut model: Hypothesis,
     mut earned: Vec<Earned>,
 ) -> (Hypothesis, Vec<Earned>) {
-    if case.holdout().is_empty() {
-        return (model, earned);
-    }
-    let error = |rig: &Rig| score(rig, case.holdout()).position_rms;
+    let predicted = if case.holdout().is_empty() { case.train() } else { case.holdout() };
+    let error = |rig: &Rig| score(rig, predicted).position_rms;
     let without_any = error(&before.applied(case.rig));
     while error(&model.rig) > without_any {
         let weakest = (0..earned.len()).min_by(|&a, &b| earned[a].evidence.total_cmp(&earned[b].evidence));
