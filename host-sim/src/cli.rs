@@ -2,7 +2,7 @@
 
 use crate::failure::EXIT_CODES;
 use crate::verb;
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueHint};
 use std::path::PathBuf;
 
 /// Health monitoring of electro-hydraulic actuators: faults, and the effects a model lacks, from LVDT records.
@@ -36,7 +36,7 @@ pub struct Common {
     #[arg(long, global = true, value_name = "NAME|FILE.toml")]
     pub(crate) rig: Option<String>,
     /// Directory for files that a verb writes; made if it is not there.
-    #[arg(long, global = true, value_name = "DIR")]
+    #[arg(long, global = true, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub(crate) out: Option<PathBuf>,
 }
 
