@@ -74,3 +74,18 @@ pub(crate) enum Verb {
     /// The manual page of the program or a verb; with `--out DIR`, all of them as files.
     Man(verb::shell::ManOptions),
 }
+
+/// The command line of this run, as a shell takes it.
+pub(crate) fn command_line() -> String {
+    let quoted = |argument: std::ffi::OsString| {
+        let argument = argument.to_string_lossy().into_owned();
+        let is_plain = |c: char| c.is_alphanumeric() || "-_./=,:@%+".contains(c);
+        if !argument.is_empty() && argument.chars().all(is_plain) {
+            argument
+        } else {
+            format!("'{}'", argument.replace('\'', r"'\''"))
+        }
+    };
+    let arguments = std::env::args_os().skip(1).map(quoted);
+    std::iter::once(env!("CARGO_PKG_NAME").to_owned()).chain(arguments).collect::<Vec<_>>().join(" ")
+}

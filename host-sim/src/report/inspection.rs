@@ -1,9 +1,8 @@
 //! The report of `check`.
 
-use super::figures::heights;
-use super::identification::short_name;
 use super::page::{Page, Tile, remarks, table};
-use super::plot::{Layer, Plot, Role};
+use super::plot::{Layer, Plot, Role, heights};
+use super::records::{quantity_of, short_name};
 use super::rows::{Row, Rows, Shape};
 use super::scale::{Axis, shown};
 use super::statistics::spectrum;
@@ -108,11 +107,16 @@ fn trace(one: &Inspection, facts: &ChannelFacts) -> Markup {
     let record = &one.record;
     let values = record.channel(facts.channel).unwrap_or_default();
     let info = facts.channel.info();
-    let what = info.description.split(',').next().unwrap_or(info.column);
+    let what = quantity_of(facts.channel);
     let timed = |series: &[f64]| -> Vec<[f64; 2]> {
         series.iter().enumerate().map(|(sample, &value)| [record.time_s(sample), value]).collect()
     };
     let (mut layers, mut legend) = (Vec::new(), Vec::new());
+    if facts.channel == Channel::UserPosition {
+        layers
+            .push(Layer::Curve(Role::Reference, timed(record.channel(Channel::Command).unwrap_or_default())));
+        legend.push((Role::Reference, "command".to_owned()));
+    }
     if info.role == ChannelRole::Measured && facts.saturated_share > 0.0 {
         let resting: Vec<f64> = values
             .iter()
@@ -124,11 +128,6 @@ fn trace(one: &Inspection, facts: &ChannelFacts) -> Markup {
     }
     layers.push(Layer::Curve(Role::Model, timed(values)));
     legend.push((Role::Model, what.to_owned()));
-    if facts.channel == Channel::UserPosition {
-        layers
-            .push(Layer::Curve(Role::Reference, timed(record.channel(Channel::Command).unwrap_or_default())));
-        legend.push((Role::Reference, "command".to_owned()));
-    }
     let lost = lost(values);
     if !lost.is_empty() {
         let every = lost.len().div_ceil(MOST_MARKS);

@@ -4,9 +4,9 @@ use super::{DEFAULT_RIG, InputOptions};
 use crate::cli::Common;
 use crate::diagnose::{Case, Diagnosis, Score, Verdict, diagnose};
 use crate::failure::Failure;
-use crate::fit::{self, Estimate, FitSettings, LoopScore, Prepared};
+use crate::fit::{self, Bounds, Estimate, FitSettings, LoopScore, Prepared};
 use crate::interrupt;
-use crate::output::{self, SCHEMA};
+use crate::output::{self, SCHEMA, effects_in_words};
 use crate::record::Record;
 use crate::report::{self, Diagnosed, OfParts, PARTS};
 use crate::rig::{self, Rig};
@@ -170,6 +170,9 @@ impl Job<'_> {
                 row
             })
             .collect();
+        let mut config = output::config_json(self.common, &self.rig, &self.rig.declared(), &self.names);
+        let FitSettings { population, budget, .. } = FitSettings::default();
+        config["search"] = json!({ "population": population, "budget": budget });
         json!({
             "schema": SCHEMA,
             "verdict": diagnosis.verdict.name(),
@@ -207,7 +210,7 @@ impl Job<'_> {
             "warnings": self.warnings(diagnosis),
             "seconds": seconds,
             "seed": self.common.seed,
-            "config": output::config_json(self.common, &self.rig, &self.rig.declared(), &self.names),
+            "config": config,
         })
     }
 
@@ -248,11 +251,13 @@ impl Job<'_> {
                 output::quantity(-sample_period / colour.ln(), "s"),
             ));
         }
+        let declared = diagnosis.faults.iter().map(|fault| &fault.estimate).chain(&diagnosis.free);
+        warnings.extend(fit::remarks(declared, &self.rig.declared(), Bounds::Rig));
         for fault in &diagnosis.faults {
-            let names: Vec<&str> = fault.confounded_with.iter().map(|effect| effect.name).collect();
-            if !names.is_empty() {
-                let name = fault.estimate.parameter.info().name;
-                warnings.push(format!("{name} holds only if none of these is present: {}", names.join(", ")));
+            if !fault.confounded_with.is_empty() {
+                let (name, names) =
+                    (fault.estimate.parameter.info().name, effects_in_words(&fault.confounded_with));
+                warnings.push(format!("{name} holds only if none of these is present: {names}"));
             }
         }
         warnings
@@ -356,8 +361,8 @@ impl Job<'_> {
                 sizes.join(", ")
             );
             if found.class.len() > 1 {
-                let names: Vec<&str> = found.class.iter().skip(1).map(|effect| effect.name).collect();
-                let _ = writeln!(text, "  these records cannot tell it from: {}", names.join(", "));
+                let names = effects_in_words(&found.class[1..]);
+                let _ = writeln!(text, "  these records cannot tell it from: {names}");
             }
         }
         let _ = writeln!(text, "\nerror of the user position (noise {}):", um(diagnosis.noise[0]));
@@ -379,8 +384,8 @@ impl Job<'_> {
             let _ = writeln!(text, "\n{table}");
         }
         if let Some(left) = &diagnosis.left {
-            let _ =
-                write!(text, "left: half of it acts from {:.3} to {:.3} s", left.active[0], left.active[1]);
+            let [from, to] = left.active;
+            let _ = write!(text, "what is left: half of its energy lies between {from:.3} and {to:.3} s");
             if let Some((name, correlation)) = left.follows {
                 let _ = write!(text, "; it follows {name} (correlation {correlation:.2})");
             }
@@ -416,8 +421,8 @@ fn tables(diagnosis: &Diagnosis) -> impl Iterator<Item = Table> {
     let (faults_before, free_before) = diagnosis.before.estimates.split_at(diagnosis.faults.len());
     let mut faults = output::table(["fault", "before", "after", "95 % interval", "mixed up with"]);
     for (fault, before) in diagnosis.faults.iter().zip(faults_before) {
-        let names: Vec<&str> = fault.confounded_with.iter().map(|effect| effect.name).collect();
-        let names = if names.is_empty() { "-".to_owned() } else { names.join(", ") };
+        let names = effects_in_words(&fault.confounded_with);
+        let names = if names.is_empty() { "-".to_owned() } else { names };
         faults.add_row([row(before, &fault.estimate), vec![names]].concat());
     }
     let mut free = output::table(["free parameter", "before", "after", "95 % interval"]);
@@ -429,20 +434,34 @@ fn tables(diagnosis: &Diagnosis) -> impl Iterator<Item = Table> {
 
 /// What to measure so that what is open now is settled.
 fn next_experiment(job: &Job<'_>, diagnosis: &Diagnosis) -> String {
-    let open = diagnosis.found.iter().any(|found| found.class.len() > 1)
-        || diagnosis.faults.iter().any(|fault| !fault.confounded_with.is_empty());
-    let absent: Vec<&str> = Channel::MEASURED
-        .into_iter()
-        .filter(|&channel| job.train.iter().all(|record| record.channel(channel).is_none()))
+    let effects = diagnosis
+        .found
+        .iter()
+        .filter(|found| found.class.len() > 1)
+        .map(|found| (found.effect.name, &found.class[1..]));
+    let faults = diagnosis
+        .faults
+        .iter()
+        .filter(|fault| !fault.confounded_with.is_empty())
+        .map(|fault| (fault.estimate.parameter.info().name, fault.confounded_with.as_slice()));
+    let open: Vec<String> = effects
+        .chain(faults)
+        .map(|(name, others)| format!("{name} from {}", effects_in_words(others)))
+        .collect();
+    let absent: Vec<&str> = job
+        .rig
+        .measurable()
+        .iter()
+        .filter(|&&channel| job.train.iter().all(|record| record.channel(channel).is_none()))
         .map(|channel| channel.info().column)
         .collect();
-    if open && !absent.is_empty() {
+    let open = open.join("; ");
+    if !open.is_empty() && !absent.is_empty() {
+        format!("measure {} as well: the channels of these records do not tell {open}", absent.join(", "))
+    } else if !open.is_empty() {
         format!(
-            "measure {} as well: the channels of these records do not tell these apart",
-            absent.join(", ")
+            "fly a command with more reversals at low amplitude, and one at high velocity: these records do not tell {open}"
         )
-    } else if open {
-        "fly a command with more reversals at low amplitude, and one at high velocity".to_owned()
     } else if diagnosis.verdict == Verdict::Unexplained {
         "repeat the same command: what repeats with it is in the actuator, what does not is outside"
             .to_owned()

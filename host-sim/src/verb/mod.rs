@@ -5,6 +5,7 @@ pub mod calibrate;
 pub mod check;
 pub mod demo;
 pub mod diagnose;
+mod findings;
 pub mod hil;
 pub mod identify;
 pub mod import;
