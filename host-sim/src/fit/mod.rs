@@ -4,6 +4,7 @@ mod bounds;
 mod closed_loop;
 mod colour;
 pub mod engine;
+mod limits;
 mod noise;
 mod periodogram;
 mod polish;
@@ -14,6 +15,7 @@ mod visits;
 pub use bounds::{Bounds, remarks};
 pub use closed_loop::{LoopScore, loop_score};
 pub use colour::{as_white, colour_of};
+pub use limits::{CLIPPED, at_ends, extent, share_at_ends};
 pub use noise::{
     COARSE, LaggedProducts, MODEL_ERROR, NoiseSource, SMALLEST_NOISE, TYPICAL_NOISE, correlation_time,
     differences, fourth_differences, noise_of, noise_of_series, noise_source, pooled, present, quantum,
