@@ -51,14 +51,22 @@ fn clipped(rig: &Rig, record: &Record) -> Vec<String> {
         channel == Channel::Current
             && fit::extent(values).iter().any(|end| (end.abs() / limit - 1.0).abs() < BEYOND)
     };
+    // Where the command rests, the actuator may.
+    let command = record.channel(Channel::Command).unwrap_or_default();
+    let moves = |sample: usize| sample > 0 && command.get(sample) != command.get(sample - 1);
     sensors
-        .filter(|(channel, values)| fit::share_at_ends(values) > fit::CLIPPED && !is_limit(*channel, values))
-        .map(|(channel, values)| {
-            format!(
-                "{} is at its smallest or largest value in {:.1} % of the samples: is it clipped?",
-                channel.info().column,
-                fit::share_at_ends(values) * 100.0
-            )
+        .filter(|(channel, values)| !is_limit(*channel, values))
+        .filter_map(|(channel, values)| {
+            let ends = fit::at_ends(values);
+            let resting = (0..ends.len()).filter(|&sample| ends[sample] && moves(sample)).count();
+            let share = resting as f64 / values.len().max(1) as f64;
+            (share > fit::CLIPPED).then(|| {
+                format!(
+                    "{} is at its smallest or largest value in {:.1} % of the samples, while the command moves: is it clipped?",
+                    channel.info().column,
+                    share * 100.0
+                )
+            })
         })
         .collect()
 }

@@ -135,15 +135,17 @@ fn left(compared: &Compared<'_>, channel: usize, part: &Range<usize>, is_whole: 
         String::new()
     };
     // On top, where a long record would hide a shading.
-    layers.extend([-1.96, 1.96].map(|normal| Layer::Limit(normal * noise)));
+    let band = if noise.is_finite() {
+        layers.extend([-1.96, 1.96].map(|normal| Layer::Limit(normal * noise)));
+        format!("Between the lines: 95 % of white noise of {}.", shown(noise, unit))
+    } else {
+        "No fit looked at this channel.".to_owned()
+    };
     Plot {
         title: format!("{}: residual of the {}", compared.name, quantity_of(Channel::MEASURED[channel])),
         legend,
         ramp: None,
-        note: format!(
-            "Measured minus predicted. Between the lines: 95 % of white noise of {}.{restarts}",
-            shown(noise, unit)
-        ),
+        note: format!("Measured minus predicted. {band}{restarts}"),
         x: compared.time_axis(part),
         y: Axis::around("residual", unit, heights(&layers)),
         layers,

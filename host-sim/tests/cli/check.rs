@@ -167,6 +167,11 @@ fn what_is_clipped_tells_nothing_of_the_noise() {
     assert!(error(&cut) > 0.95 * error(&sound), "{} {}", error(&cut), error(&sound));
     let fit = bench.run(&["identify", "cut.csv", "--json"]).done();
     assert!(fit.json()["warnings"].to_string().contains("is it clipped?"), "{}", fit.stdout);
+    // What rests because its command does is not clipped.
+    bench.simulate("step.csv", &["--model", "lf", "--command", "step", "--duration", "0.5"]);
+    let step = check("step.csv");
+    assert!(number(&named(&step["channels"], "ram_m")["saturated_share"]) > 0.01, "{step}");
+    assert!(!step["notes"].to_string().contains("clipped"), "{step}");
 }
 
 #[test]

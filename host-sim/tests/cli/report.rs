@@ -145,6 +145,9 @@ fn reports_are_whole_and_a_browser_shows_them_well() {
             assert!(text.contains(part), "{name} lacks {part}");
         }
     }
+    // The case that is shown closely has channels that no fit looked at, and no noise is said of them.
+    let text = bench.read("reproduce/report.html");
+    assert!(text.contains("No fit looked at this channel.") && !text.contains("noise of −"));
     if !browser() {
         return;
     }
