@@ -3,7 +3,7 @@
 use crate::failure::EXIT_CODES;
 use crate::verb;
 use clap::builder::{PathBufValueParser, TypedValueParser};
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueHint};
 use std::path::PathBuf;
 
 /// Health monitoring of electro-hydraulic actuators: faults, and the effects a model lacks, from LVDT records.
@@ -37,7 +37,7 @@ pub struct Common {
     #[arg(long, global = true, value_name = "NAME|FILE.toml")]
     pub(crate) rig: Option<String>,
     /// Directory for files that a verb writes; made if it is not there.
-    #[arg(long, global = true, value_name = "DIR", value_parser = written_path())]
+    #[arg(long, global = true, value_name = "DIR", value_parser = written_path(), value_hint = ValueHint::DirPath)]
     pub(crate) out: Option<PathBuf>,
 }
 
@@ -85,4 +85,19 @@ pub(crate) enum Verb {
     Completions(verb::shell::CompletionsOptions),
     /// The manual page of the program or a verb; with `--out DIR`, all of them as files.
     Man(verb::shell::ManOptions),
+}
+
+/// The command line of this run, as a shell takes it.
+pub(crate) fn command_line() -> String {
+    let quoted = |argument: std::ffi::OsString| {
+        let argument = argument.to_string_lossy().into_owned();
+        let is_plain = |c: char| c.is_alphanumeric() || "-_./=,:@%+".contains(c);
+        if !argument.is_empty() && argument.chars().all(is_plain) {
+            argument
+        } else {
+            format!("'{}'", argument.replace('\'', r"'\''"))
+        }
+    };
+    let arguments = std::env::args_os().skip(1).map(quoted);
+    std::iter::once(env!("CARGO_PKG_NAME").to_owned()).chain(arguments).collect::<Vec<_>>().join(" ")
 }

@@ -5,10 +5,11 @@ use crate::failure::Failure;
 use crate::fit::{Estimate, Fit, NoiseSource, Standing};
 use crate::record::{Record, write_csv};
 use crate::report::REPORT_FILE;
-use crate::rig::{CommandPath, Range, Rig};
+use crate::rig::{self, CommandPath, Range, Rig};
 use crate::whole_file;
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use eha_monitor::channel::Channel;
+use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::fit::identify::StopReason;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::{Map, Value, json};
@@ -282,7 +283,7 @@ pub fn correlation_warnings(fit: &Fit) -> Vec<String> {
             let correlation = correlation[row][column];
             if correlation.abs() > 0.95 {
                 warnings.push(format!(
-                    "{} and {} are told apart badly by these records (correlation {correlation:.3})",
+                    "{} and {} are strongly correlated ({correlation:.3}): these records hardly separate them",
                     second.parameter.info().name,
                     first.parameter.info().name
                 ));
@@ -290,6 +291,17 @@ pub fn correlation_warnings(fit: &Fit) -> Vec<String> {
         }
     }
     warnings
+}
+
+/// Part of the catalogue from which on effects are not listed one by one.
+const NEARLY_EVERY: f64 = 0.75;
+
+/// Names of effects, for people; nearly all of them are no list.
+pub fn effects_in_words(effects: &[&'static EffectInfo]) -> String {
+    if effects.len() as f64 > NEARLY_EVERY * EFFECTS.len() as f64 {
+        return "nearly every effect".to_owned();
+    }
+    effects.iter().map(|effect| effect.name).collect::<Vec<_>>().join(", ")
 }
 
 /// Said where another reading of the records does as well.
@@ -318,14 +330,15 @@ pub fn config_json(common: &Common, rig: &Rig, ranges: &[Range], records: &[Stri
         .into_iter()
         .map(|(parameter, value)| (parameter.info().name.to_owned(), json!(value)))
         .collect();
+    let (valve, feedback, drive) = rig::spelled(rig.form);
     json!({
         "version": env!("CARGO_PKG_VERSION"),
         "seed": common.seed,
         "rig": rig.name,
         "model": {
-            "valve": format!("{:?}", rig.form.valve),
-            "feedback": format!("{:?}", rig.form.feedback),
-            "drive": format!("{:?}", rig.form.drive),
+            "valve": valve,
+            "feedback": feedback,
+            "drive": drive,
             "command_path": rig.command_path,
             "command_offset": rig.command_offset,
             "drive_holds": rig.drive_holds,

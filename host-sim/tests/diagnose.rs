@@ -467,16 +467,22 @@ fn what_a_logger_does_to_records_is_no_effect() {
                 record.lvdt[sample] = record.lvdt[sample - sample % 5];
             }
         }),
-        ("command_m: 4 stuck samples from 0.21 to 0.83 s: lost in the sensors too, bridged", &|record| {
-            for sample in [210, 430, 630, 830] {
-                channels(record, &|values| values[sample] = values[sample - 1]);
-            }
-        }),
-        ("command_m: 2 spikes from 0.35 to 0.77 s: lost in the sensors too, bridged", &|record| {
-            for sample in [350, 770] {
-                channels(record, &|values| values[sample] = 0.0);
-            }
-        }),
+        (
+            "command_m: 4 repeated values from 0.21 to 0.83 s: bridged, and left out of the sensors as well",
+            &|record| {
+                for sample in [210, 430, 630, 830] {
+                    channels(record, &|values| values[sample] = values[sample - 1]);
+                }
+            },
+        ),
+        (
+            "command_m: 2 spikes from 0.35 to 0.77 s: bridged, and left out of the sensors as well",
+            &|record| {
+                for sample in [350, 770] {
+                    channels(record, &|values| values[sample] = 0.0);
+                }
+            },
+        ),
         ("lvdt_m: 19 stuck samples from 0.5 to 0.518 s: left out of every fit", &|record| {
             for values in [&mut record.lvdt, &mut record.current] {
                 let step = (values[519] - values[499]) / 20.0;

@@ -169,7 +169,10 @@ impl<T: Real> Run<T> {
         let at = |run: &Self, input: &Input<T>| Guards::at(model, &run.mode, &run.state, input, time);
         self.guards = at(self, to);
         for _ in 0..EVENTS_PER_STEP {
-            let Some((index, _)) = at(self, from).first_crossing(&self.guards, model.has_extra_guards()) else { break };
+            let Some((index, _)) = at(self, from).first_crossing(&self.guards, model.has_extra_guards())
+            else {
+                break;
+            };
             model.switch(index, &mut self.mode, &mut self.state, to);
             self.events += 1;
             self.guards = at(self, to);

@@ -1,16 +1,21 @@
 //! From records and a rig to fitted parameters: the bridge to the core's search.
 
+mod bounds;
 mod closed_loop;
 mod colour;
 pub mod engine;
+mod limits;
 mod noise;
 mod periodogram;
 mod polish;
 mod prepare;
 mod systematic;
+mod visits;
 
+pub use bounds::{Bounds, remarks};
 pub use closed_loop::{LoopScore, loop_score};
 pub use colour::{as_white, colour_of};
+pub use limits::{CLIPPED, at_ends, extent, share_at_ends};
 pub use noise::{
     COARSE, LaggedProducts, MODEL_ERROR, NoiseSource, SMALLEST_NOISE, TYPICAL_NOISE, correlation_time,
     differences, fourth_differences, noise_of, noise_of_series, noise_source, pooled, present, quantum,
@@ -20,6 +25,7 @@ pub use periodogram::periodograms;
 pub use polish::{Polished, approach, foresee, misfit, misfit_within, polish};
 pub use prepare::{Prepared, prepare, prepare_with};
 pub use systematic::standard_errors;
+pub use visits::Visit;
 
 use crate::interrupt;
 use crate::record::Record;
@@ -34,6 +40,7 @@ use engine::{FIT_TOLERANCE, Job, LOOK_TOLERANCE, on_records};
 use nalgebra::SMatrix;
 use rayon::prelude::*;
 use std::time::Instant;
+use visits::{generations, note_visits};
 
 /// Most parameters that one fit may free.
 pub const MAX_FREE: usize = 16;
@@ -130,23 +137,13 @@ pub struct Fit {
     pub stop: StopReason,
     /// Did the user end the search before its end?
     pub interrupted: bool,
-    /// Every child and every finish of the search, in their order.
+    /// Every child and every finish of the search, in their order; of all searches, where several readings of the records
+    /// were tried.
     pub visits: Vec<Visit>,
+    /// Which reading of the records it is, of those that were searched.
+    pub reading: usize,
     /// What the covariance of white noise was multiplied by, because the residual is not noise.
     pub inflation: f64,
-}
-
-/// A place that a search went to, and where the population stood after it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Visit {
-    /// Value of each free parameter.
-    pub values: Vec<f64>,
-    /// Cost of the best member: mean square in units of the noise.
-    pub best: f64,
-    /// Cost of the worst member.
-    pub worst: f64,
-    /// Was it the end of a Gauss-Newton finish, not a child?
-    pub finish: bool,
 }
 
 impl Fit {
@@ -306,12 +303,18 @@ pub fn fit_as_read(
     if fitted[chosen].1.interrupted {
         chosen = 0;
     }
-    let evaluations = fitted.iter().map(|(_, fit)| fit.evaluations).sum();
-    let generations = fitted.iter().map(|(_, fit)| fit.generations).sum();
+    let mut visits: Vec<Visit> = Vec::new();
+    let mut evaluations = 0;
+    for (reading, (_, fit)) in fitted.iter_mut().enumerate() {
+        let in_all = |visit: Visit| Visit { evaluations: evaluations + visit.evaluations, reading, ..visit };
+        visits.extend(fit.visits.drain(..).map(in_all));
+        evaluations += fit.evaluations;
+    }
+    let generations = generations(&visits, settings.population);
     let seconds = fitted.iter().map(|(_, fit)| fit.seconds).sum();
     let interrupted = fitted.iter().any(|(_, fit)| fit.interrupted);
     let (reading, fit) = fitted.swap_remove(chosen);
-    let mut fit = Fit { evaluations, generations, seconds, interrupted, ..fit };
+    let mut fit = Fit { evaluations, generations, seconds, interrupted, visits, reading: chosen, ..fit };
     let mut is_open = false;
     for (_, other) in &fitted {
         is_open |= gain_of(&fit.misfit, &other.misfit).abs() <= TOLD_APART && fit.hold(other);
@@ -433,7 +436,7 @@ fn search<S: Stepper<f64>>(
         watch(Standing {
             evaluations: identification.evaluations(),
             budget: settings.budget,
-            generations: identification.search().generations(),
+            generations: generations(&visits, settings.population),
             best_sigma: best.sqrt(),
         });
     };
@@ -464,12 +467,13 @@ fn search<S: Stepper<f64>>(
         predictions,
         noise: pooled(problem.records.iter().map(|record| record.noise)),
         evaluations: identification.evaluations(),
-        generations: identification.search().generations(),
+        generations: generations(&visits, settings.population),
         seconds: started.elapsed().as_secs_f64(),
         seconds_per_generation: searching / f64::from(children) * settings.population as f64,
         stop,
         interrupted,
         visits,
+        reading: 0,
         inflation,
     }
 }
@@ -500,30 +504,4 @@ fn estimates(
         Estimate::new(&range, free.value(genes[gene]), standard_error)
     };
     problem.free.iter().enumerate().map(estimate).collect()
-}
-
-/// Notes the places at which the search has been since the last call: new members of the first population, the last child,
-/// or the best finish.
-fn note_visits(
-    visits: &mut Vec<Visit>,
-    problem: &Problem<'_, f64>,
-    identification: &Identification<f64, MAX_FREE, MAX_POPULATION>,
-    progress: Progress,
-) {
-    let search = identification.search();
-    let costs = || search.members().map(|(_, cost)| cost);
-    let (best, worst) = (costs().fold(f64::INFINITY, f64::min), costs().fold(0.0, f64::max));
-    let finish = progress == Progress::Finished;
-    let visit = |genes: &[f64; MAX_FREE]| {
-        let values = problem.free.iter().zip(genes).map(|(free, &gene)| free.value(gene)).collect();
-        Visit { values, best, worst, finish }
-    };
-    match (progress, identification.result()) {
-        (Progress::Filled, _) => {
-            let new = visits.len();
-            visits.extend(search.members().skip(new).map(|(genes, _)| visit(genes)));
-        }
-        (Progress::Finished, Some(result)) => visits.push(visit(&result.genes)),
-        _ => visits.push(visit(search.last_child())),
-    }
 }

@@ -1,5 +1,6 @@
 //! How noisy a channel is, and how white a residual.
 
+use super::limits::unclipped;
 use super::periodogram::autocorrelations;
 use crate::record::Record as Recorded;
 use crate::rig::Rig;
@@ -52,7 +53,8 @@ pub fn noise_of(rig: &Rig, record: &Recorded) -> [f64; MEASURED] {
     std::array::from_fn(|index| {
         let channel = Channel::MEASURED[index];
         record.channel(channel).map_or(f64::INFINITY, |values| {
-            rig.noise_of(channel).unwrap_or_else(|| noise_of_series(values).max(SMALLEST_NOISE[index]))
+            rig.noise_of(channel)
+                .unwrap_or_else(|| noise_of_series(&unclipped(values)).max(SMALLEST_NOISE[index]))
         })
     })
 }

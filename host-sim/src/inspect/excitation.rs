@@ -69,6 +69,15 @@ pub fn grade(range: &Range, standard_error: f64) -> &'static str {
     }
 }
 
+/// What the grades mean.
+pub fn grades() -> String {
+    format!(
+        "Interval: narrow where that of 95 % is below {:.0} % of the range of the search, fair below {:.0} %, else poor.",
+        100.0 * NARROW,
+        100.0 * FAIR
+    )
+}
+
 impl Trial {
     /// Unit of the amplitude.
     pub fn amplitude_unit(&self) -> &'static str {
@@ -104,9 +113,47 @@ pub struct Question<'a> {
     pub ranges: &'a [Range],
     /// Noise of the measured channels; not finite where the record lacks one.
     pub noise: [f64; MEASURED],
+    /// What the standard errors of an open loop are multiplied by: it leaves more than noise.
+    excess: f64,
 }
 
-impl Question<'_> {
+/// Steps towards what an open loop leaves.
+const STEPS: u32 = 5;
+
+impl<'a> Question<'a> {
+    /// What a record can tell of the parameters.
+    pub fn new(rig: &'a Rig, ranges: &'a [Range], record: &Record) -> Self {
+        let noise = fit::noise_of(rig, record);
+        let mut question = Self { rig, ranges, noise, excess: 1.0 };
+        question.excess = question.left_by_open_loop(record).unwrap_or(1.0);
+        question
+    }
+
+    /// What an open loop leaves of a record, with the weight that its samples do not have because they repeat each other,
+    /// in units of the noise. Whatever a model lacks is integrated twice there, and a loop corrects nothing: the noise of
+    /// the sensor says little of what a fit will leave.
+    fn left_by_open_loop(&self, record: &Record) -> Option<f64> {
+        self.rig.restart_s.filter(|_| self.rig.controller.is_none())?;
+        let records = [fit::prepare_with(self.rig, record, self.noise)];
+        let found = fit::approach(self.rig, self.ranges, &self.start(), &records, STEPS)?;
+        let predictions = fit::glimpse(&found.applied(self.rig, self.ranges), &records);
+        let left = fit::residual_series(&[records[0].as_core()], &predictions, 0);
+        Some((found.misfit.mean_square().max(1.0) * fit::correlation_time(&left)).sqrt())
+    }
+
+    /// Says so where an open loop leaves more than noise.
+    pub fn excess_in_words(&self) -> Option<String> {
+        (self.excess > 1.0).then(|| {
+            "an open loop: the standard errors are those of what the model leaves of this record, not of its noise"
+                .to_owned()
+        })
+    }
+
+    /// The rig's values of the parameters.
+    fn start(&self) -> Vec<f64> {
+        self.ranges.iter().map(|range| self.rig.parameters.get(range.parameter)).collect()
+    }
+
     /// The noise that is used: the record's, else what is assumed.
     pub fn noise_used(&self) -> [f64; MEASURED] {
         std::array::from_fn(|index| {
@@ -118,9 +165,9 @@ impl Question<'_> {
     pub fn of_record(&self, record: &Record) -> Vec<Promise> {
         let prepared = fit::prepare_with(self.rig, record, self.noise_used());
         let Some(full) = self.imagined(&prepared, record) else { return Vec::new() };
-        let force = self.rig.form.drive == Drive::Force;
+        let is_measurable = |&index: &usize| self.rig.measurable().contains(&Channel::MEASURED[index]);
         SETS.into_iter()
-            .filter(|set| !force || set.iter().all(|&index| index < 2))
+            .filter(|set| set.iter().all(is_measurable))
             .map(|set| Promise {
                 channels: set.iter().map(|&index| Channel::MEASURED[index]).collect(),
                 recorded: set.iter().all(|&index| self.noise[index].is_finite()),
@@ -212,9 +259,10 @@ impl Question<'_> {
             std::array::from_fn(|index| if set.contains(&index) { used[index] } else { f64::INFINITY });
         let mut records = [full.clone()];
         records[0].noise = noise;
-        let start: Vec<f64> =
-            self.ranges.iter().map(|range| self.rig.parameters.get(range.parameter)).collect();
-        match fit::foresee(self.rig, self.ranges, &start, &records) {
+        match fit::foresee(self.rig, self.ranges, &self.start(), &records) {
+            Some(foreseen) if self.excess > 1.0 => {
+                (0..self.ranges.len()).map(|index| foreseen.standard_error(index) * self.excess).collect()
+            }
             Some(foreseen) => fit::standard_errors(self.rig, self.ranges, &foreseen, &records),
             None => vec![f64::NAN; self.ranges.len()],
         }

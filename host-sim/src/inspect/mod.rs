@@ -1,14 +1,18 @@
 //! What a record is worth, before any fit: its sampling, its channels, its motion, and what it can tell of the faults.
 
 pub mod excitation;
+mod likeness;
 pub mod screen;
+pub(crate) mod setup;
 
 use crate::fit;
 use crate::output::{counted, quantity};
 use crate::record::Record;
 use crate::rig::{Range, Rig};
-use eha_monitor::channel::{Channel, ChannelRole};
+use eha_monitor::channel::Channel;
 use excitation::{Promise, Question, Trial};
+pub use likeness::Response;
+use likeness::{likeness, response};
 use screen::{Defects, Screened, screen};
 
 /// A record, and everything that is said of it.
@@ -22,7 +26,8 @@ pub struct Inspection {
     pub promises: Vec<Promise>,
     /// What the built-in commands promise, best first.
     pub trials: Vec<Trial>,
-    /// How many times smaller standard errors the best command gives, where one can be recommended.
+    /// How many times smaller standard errors the best command gives, where one can be recommended and the record tells
+    /// something itself.
     pub best_gain: Option<f64>,
 }
 
@@ -33,17 +38,23 @@ impl Inspection {
     /// Looks at a record; `ranges` are the parameters that somebody wants to know.
     pub fn new(rig: &Rig, ranges: &[Range], record: Record) -> Self {
         let Screened { record: usable, defects, .. } = screen(rig, &record);
-        let noise = fit::noise_of(rig, &usable);
-        let question = Question { rig, ranges, noise };
+        let question = Question::new(rig, ranges, &usable);
         let promises = question.of_record(&usable);
         let trials = question.of_commands(&usable);
-        let own = promises.iter().filter(|promise| promise.recorded);
+        let tells = |promise: &&Promise| {
+            promise.recorded && promise.standard_errors.iter().all(|error| error.is_finite())
+        };
+        let own = promises.iter().filter(tells);
         let own = own.map(|promise| question.badness(&promise.standard_errors)).fold(f64::INFINITY, f64::min);
         let best_gain = trials
             .first()
             .filter(|best| !best.saturates())
-            .map(|best| (own - question.badness(&best.standard_errors)).exp());
-        Self { facts: facts(&record, &usable, &defects, &noise), promises, trials, best_gain, record }
+            .map(|best| (own - question.badness(&best.standard_errors)).exp())
+            .filter(|gain| gain.is_finite());
+        let mut facts = facts(&record, &usable, &defects, &question.noise);
+        facts.notes.extend(setup::remarks(rig, &usable));
+        facts.notes.extend(question.excess_in_words());
+        Self { record, facts, promises, trials, best_gain }
     }
 
     /// What all recorded channels together promise.
@@ -58,6 +69,9 @@ impl Inspection {
                 "`{}` would give standard errors {gain:.1} times smaller (geometric mean of the faults)",
                 best.name()
             ),
+            (None, Some(best)) if !best.saturates() => {
+                format!("`{}` would tell something", best.name())
+            }
             _ => "no built-in command does much better than this record".to_owned(),
         }
     }
@@ -80,7 +94,7 @@ pub struct ChannelFacts {
     pub longest_gap_s: f64,
     /// What is wrong with its samples, if something is.
     pub defects: Option<Defects>,
-    /// Share of the samples that rest exactly on an extreme of the channel.
+    /// Share of the samples that rest exactly at the smallest or largest value of the channel.
     pub saturated_share: f64,
 }
 
@@ -96,7 +110,7 @@ impl ChannelFacts {
         "longest gap",
         "spikes",
         "stuck",
-        "on an extreme",
+        "at min/max (clipped?)",
     ];
 
     /// How many spikes, flown or not, and stuck samples.
@@ -128,15 +142,6 @@ impl ChannelFacts {
             format!("{:.1} %", self.saturated_share * 100.0),
         ]
     }
-}
-
-/// How the position follows the command.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Response {
-    /// Delay at which the position is most like the command, s.
-    pub delay_s: f64,
-    /// Correlation at that delay.
-    pub correlation: f64,
 }
 
 /// What the ram did.
@@ -181,12 +186,8 @@ pub struct Facts {
     pub notes: Vec<String>,
 }
 
-/// Share of samples on an extreme above which a channel is called saturated.
-const SATURATED: f64 = 0.01;
-/// Longest delay of the position that is looked for, s.
-const LONGEST_DELAY_S: f64 = 0.5;
-/// Difference of correlations that does not count.
-const ABOUT_AS_HIGH: f64 = 0.02;
+/// Travel, in standard deviations of the noise, that is no motion: what noise alone has in a million samples.
+const STILL_SIGMA: f64 = 12.0;
 /// Time over which a speed is taken, s.
 const SPEED_S: f64 = 0.01;
 
@@ -200,32 +201,17 @@ fn facts(record: &Record, usable: &Record, defects: &[Defects], noise: &[f64]) -
         })
         .collect();
     let position = usable.channel(Channel::UserPosition).unwrap_or_default();
-    let likeness = likeness(usable);
+    let command = usable.channel(Channel::Command).unwrap_or_default();
+    let likeness = likeness(position, command, record.sample_period_s());
     let response = response(&likeness, record.sample_period_s());
     let motion = motion(position, record.sample_period_s(), noise[0]);
-    let notes = notes(record, &channels, response, motion);
+    let is_still = response.is_none() && motion.travel_m < STILL_SIGMA * noise[0];
+    let notes = notes(record, &channels, response, motion, is_still);
     Facts { channels, likeness, response, motion, notes }
 }
 
 fn finite(values: &[f64]) -> impl Iterator<Item = f64> {
     values.iter().copied().filter(|value| value.is_finite())
-}
-
-fn range(values: &[f64]) -> [f64; 2] {
-    finite(values)
-        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
-}
-
-/// Does a sample rest on an extreme of its channel? One is always on each; a limit shows as a run of equal values.
-pub fn rests(values: &[f64]) -> Vec<bool> {
-    let [low, high] = range(values);
-    values
-        .chunk_by(|a, b| a == b)
-        .flat_map(|run| {
-            let rests = run.len() >= 3 && (run[0] == low || run[0] == high);
-            std::iter::repeat_n(rests, run.len())
-        })
-        .collect()
 }
 
 fn channel_facts(
@@ -236,66 +222,21 @@ fn channel_facts(
 ) -> ChannelFacts {
     let measured = Channel::MEASURED.into_iter().position(|known| known == channel);
     let gaps = values.chunk_by(|a, b| a.is_nan() == b.is_nan()).filter(|run| run[0].is_nan());
-    let resting = rests(values).into_iter().filter(|&rests| rests).count();
     ChannelFacts {
         channel,
-        range: range(values),
+        range: fit::extent(values),
         noise: measured.map(|index| noise[index]).filter(|noise| noise.is_finite()),
         quantum: if measured.is_some() { fit::quantum(values) } else { 0.0 },
         missing: record.missing_count(channel),
         defects: defects.cloned(),
         longest_gap_s: gaps.map(<[f64]>::len).max().unwrap_or(0) as f64 * record.sample_period_s(),
-        saturated_share: resting as f64 / values.len().max(1) as f64,
+        saturated_share: fit::share_at_ends(values),
     }
-}
-
-fn likeness(record: &Record) -> Vec<f64> {
-    let position = record.channel(Channel::UserPosition).unwrap_or_default();
-    let command = record.channel(Channel::Command).unwrap_or_default();
-    let [low, high] = range(command);
-    if low >= high {
-        return Vec::new();
-    }
-    let most = ((LONGEST_DELAY_S / record.sample_period_s()) as usize).min(position.len() / 4);
-    (0..=most).map(|delay| correlation(&position[delay..], command)).collect()
-}
-
-fn response(likeness: &[f64], period: f64) -> Option<Response> {
-    let highest = likeness.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    // Of a periodic command every period is as good: the first top that is about as high.
-    let is_top = |&delay: &usize| {
-        let next = likeness.get(delay + 1).copied().unwrap_or(f64::NEG_INFINITY);
-        likeness[delay] >= next && likeness[delay] > highest - ABOUT_AS_HIGH
-    };
-    let best = (0..likeness.len()).find(is_top)?;
-    // The top of the parabola through the best delay and its neighbours.
-    let shift = match (best.checked_sub(1).map(|before| likeness[before]), likeness.get(best + 1)) {
-        (Some(before), Some(after)) if before + after < 2.0 * likeness[best] => {
-            0.5 * (before - after) / (before + after - 2.0 * likeness[best])
-        }
-        _ => 0.0,
-    };
-    Some(Response { delay_s: (best as f64 + shift) * period, correlation: likeness[best] })
-}
-
-/// Correlation of two series, over the samples that both have.
-fn correlation(a: &[f64], b: &[f64]) -> f64 {
-    let pairs = || a.iter().zip(b).filter(|(a, b)| a.is_finite() && b.is_finite());
-    let count = pairs().count().max(1) as f64;
-    let (mean_a, mean_b) =
-        (pairs().map(|(a, _)| a).sum::<f64>() / count, pairs().map(|(_, b)| b).sum::<f64>() / count);
-    let (mut product, mut square_a, mut square_b) = (0.0, 0.0, 0.0);
-    for (a, b) in pairs() {
-        product += (a - mean_a) * (b - mean_b);
-        square_a += (a - mean_a) * (a - mean_a);
-        square_b += (b - mean_b) * (b - mean_b);
-    }
-    product / (square_a * square_b).sqrt().max(f64::MIN_POSITIVE)
 }
 
 fn motion(position: &[f64], period: f64, noise: f64) -> Motion {
     let values: Vec<f64> = finite(position).collect();
-    let [low, high] = range(position);
+    let [low, high] = fit::extent(position);
     let reach = ((SPEED_S / period).round() as usize).max(1);
     let moves: Vec<f64> = values.windows(reach + 1).map(|window| (window[reach] - window[0]).abs()).collect();
     let top = moves.iter().copied().fold(0.0, f64::max);
@@ -334,18 +275,13 @@ fn notes(
     channels: &[ChannelFacts],
     response: Option<Response>,
     motion: Motion,
+    is_still: bool,
 ) -> Vec<String> {
     let mut notes = Vec::new();
     let samples = record.len() as f64;
     for facts in channels {
         let info = facts.channel.info();
         let column = info.column;
-        if info.role == ChannelRole::Measured && facts.saturated_share > SATURATED {
-            notes.push(format!(
-                "{column} rests on an extreme in {:.1} % of the samples: is it cut off?",
-                facts.saturated_share * 100.0
-            ));
-        }
         if facts.missing > 0 {
             notes.push(format!(
                 "{column}: {} samples lost ({:.1} %), at most {} ms in a row",
@@ -359,6 +295,10 @@ fn notes(
             let [step, noise] = [facts.quantum, noise].map(|value| quantity(value, info.unit));
             notes.push(format!("{column} is read in steps of {step}, coarser than its noise of {noise}"));
         }
+    }
+    if is_still {
+        notes.push("this record says nothing: command and actuator do not move".to_owned());
+        return notes;
     }
     match response {
         None => notes.push("the command does not move".to_owned()),
@@ -384,20 +324,5 @@ mod tests {
             (0..2000).map(|k| (f64::from(k) * 0.01).sin() + 1e-3 * f64::from(k % 2)).collect();
         assert_eq!(reversals(&wave, 0.01), 6);
         assert_eq!(reversals(&[1.0; 50], 0.01), 0);
-    }
-
-    #[test]
-    fn a_delay_is_found_between_the_samples() {
-        let wave = |t: f64| (std::f64::consts::TAU * 2.0 * t).sin();
-        let command: Vec<f64> = (0..2000).map(|k| wave(f64::from(k) * 1e-3)).collect();
-        let position: Vec<f64> = (0..2000).map(|k| 0.9 * wave(f64::from(k) * 1e-3 - 0.0123)).collect();
-        let record = |command: &[f64], position: &[f64]| {
-            let channels = [(Channel::Command, command), (Channel::UserPosition, position)];
-            let channels = channels.map(|(channel, values)| (channel, values.to_vec()));
-            Record::new("wave", 1e-3, 0.0, channels.to_vec()).unwrap()
-        };
-        let found = response(&likeness(&record(&command, &position)), 1e-3).unwrap();
-        assert!((found.delay_s - 0.0123).abs() < 2e-4 && found.correlation > 0.999, "{found:?}");
-        assert!(likeness(&record(&[0.0; 2000], &position)).is_empty());
     }
 }

@@ -1,16 +1,18 @@
 //! The report of `diagnose` and `demo`.
 
-use super::figures::{self, Compared};
-use super::identification::{search, short_name};
+use super::estimates::{self, correlation_matrix};
 use super::page::{Page, Tile, remarks, table};
 use super::plot::Role;
+use super::records::{Compared, records, short_name};
+use super::residual;
 use super::rows::{Row, Rows, Shape};
 use super::scale::{Axis, shown};
+use super::search::search;
 use crate::diagnose::{Diagnosis, Score, Verdict};
 use crate::fit::{self, Estimate, FitSettings, LoopScore, Prepared};
+use crate::output::effects_in_words;
 use crate::record::Record;
 use crate::rig::{Range, Rig};
-use eha_monitor::effect::EffectInfo;
 use eha_monitor::model::state::Outputs;
 use maud::{Markup, html};
 use serde_json::Value;
@@ -46,8 +48,8 @@ pub(crate) fn diagnosis(case: &Diagnosed<'_>) -> String {
     let before = diagnosis.before.applied(case.rig);
     let held_out = [fit::predict(&before, holdout), fit::predict(&diagnosis.rig, holdout)];
     let changed = !diagnosis.found.is_empty();
-    let compare = |records: &'static str, index: usize| {
-        let (record, prepared, offset, outputs): (_, _, _, [&[Outputs<f64>]; 2]) = if records == "fitted" {
+    let compare = |part: &'static str, index: usize| {
+        let (record, prepared, offset, outputs): (_, _, _, [&[Outputs<f64>]; 2]) = if part == "fitted" {
             let outputs = [&diagnosis.before.predictions[index], &diagnosis.predictions[index]];
             (&case.train[index], &train[index], 0, outputs.map(Vec::as_slice))
         } else {
@@ -59,7 +61,7 @@ pub(crate) fn diagnosis(case: &Diagnosed<'_>) -> String {
         if changed {
             models.push((Role::After, "after", outputs[1]));
         }
-        let name = if name.contains(records) { name } else { format!("{name} ({records})") };
+        let name = if name.contains(part) { name } else { format!("{name} ({part})") };
         Compared { name, record, prepared, models }
     };
     let fitted: Vec<Compared<'_>> = (0..case.train.len()).map(|index| compare("fitted", index)).collect();
@@ -69,10 +71,10 @@ pub(crate) fn diagnosis(case: &Diagnosed<'_>) -> String {
     let mut sections = vec![("What was found", found(case))];
     sections.push((headings(diagnosis).0, estimates(diagnosis)));
     if !predicted.is_empty() {
-        sections.push(("Held-out records", figures::records(&predicted)));
+        sections.push(("Held-out records", records(&predicted)));
     }
-    sections.push(("Fitted records", figures::records(&fitted)));
-    sections.push(("What is left", figures::residual_tests(&fitted, 0, diagnosis.noise[0])));
+    sections.push(("Fitted records", records(&fitted)));
+    sections.push(("What is left", residual::tests(&fitted, 0, diagnosis.noise[0])));
     sections
         .push(("Search for the declared faults, before", before_search(diagnosis, case.rig, &ranges, train)));
     let (class, verdict) = badge(diagnosis.verdict);
@@ -90,7 +92,7 @@ pub(crate) fn diagnosis(case: &Diagnosed<'_>) -> String {
 fn before_search(diagnosis: &Diagnosis, rig: &Rig, ranges: &[Range], train: &[Prepared]) -> Markup {
     html! {
         (search(&diagnosis.before, rig, ranges, train, FitSettings::default().population))
-        @if diagnosis.before.estimates.len() > 1 { (figures::correlation_matrix(&diagnosis.before)) }
+        @if diagnosis.before.estimates.len() > 1 { (correlation_matrix(&diagnosis.before)) }
     }
 }
 
@@ -100,10 +102,6 @@ const fn badge(verdict: Verdict) -> (&'static str, &'static str) {
         Verdict::Explained => ("model", verdict.name()),
         Verdict::Unexplained => ("before", verdict.name()),
     }
-}
-
-fn names(effects: &[&'static EffectInfo]) -> String {
-    effects.iter().map(|effect| effect.name).collect::<Vec<_>>().join(", ")
 }
 
 fn summary(diagnosis: &Diagnosis) -> String {
@@ -176,7 +174,7 @@ fn found(case: &Diagnosed<'_>) -> Markup {
                     match (found.named, found.class.len()) {
                         (false, _) => "not a name".to_owned(),
                         (true, 1) => "nothing else".to_owned(),
-                        (true, _) => names(&found.class[1..]),
+                        (true, _) => effects_in_words(&found.class[1..]),
                     },
                 ]
             })
@@ -187,7 +185,7 @@ fn found(case: &Diagnosed<'_>) -> Markup {
         .iter()
         .map(|found| format!("{}: {}", found.effect.name, found.effect.equation))
         .collect();
-    let could_be: Vec<String> = result["warnings"]
+    let notes: Vec<String> = result["warnings"]
         .as_array()
         .into_iter()
         .flatten()
@@ -202,7 +200,7 @@ fn found(case: &Diagnosed<'_>) -> Markup {
             (table("Effects that were added", &equations.join("; "),
                 &["effect", "acts on", "parameter", "value", "95 % interval", "could as well be"], &rows, true))
         }
-        @if !could_be.is_empty() { (remarks("What else it could be", &could_be)) }
+        @if !notes.is_empty() { (remarks("Notes", &notes)) }
         @if let Some(left) = &diagnosis.left {
             (remarks("What is left, and when", &left_words(left)))
         }
@@ -210,7 +208,8 @@ fn found(case: &Diagnosed<'_>) -> Markup {
 }
 
 fn left_words(left: &crate::diagnose::residual::Description) -> Vec<String> {
-    let mut words = vec![format!("Half of it acts from {:.3} to {:.3} s.", left.active[0], left.active[1])];
+    let [from, to] = left.active;
+    let mut words = vec![format!("Half of its energy lies between {from:.3} and {to:.3} s.")];
     if let Some((name, correlation)) = left.follows {
         words.push(format!("It follows {name} (correlation {correlation:.2})."));
     }
@@ -295,7 +294,7 @@ fn estimates(diagnosis: &Diagnosis) -> Markup {
         .map(|(index, (after, before))| {
             let info = after.parameter.info();
             let q = |value| shown(value, info.unit);
-            let mixed_up = diagnosis.faults.get(index).map(|fault| names(&fault.confounded_with));
+            let mixed_up = diagnosis.faults.get(index).map(|fault| effects_in_words(&fault.confounded_with));
             vec![
                 info.name.to_owned(),
                 q(before.value),
@@ -307,7 +306,7 @@ fn estimates(diagnosis: &Diagnosis) -> Markup {
         .collect();
     let (title, first) = headings(diagnosis);
     html! {
-        (figures::estimates(&[(Role::Before, "before", before), (Role::After, "after", after)]))
+        (estimates::estimates(&[(Role::Before, "before", before), (Role::After, "after", after)]))
         (table(title, "", &[first, "before", "after", "95 % interval", "mixed up with"], &rows, true))
     }
 }

@@ -1,15 +1,15 @@
 //! The report of `check`.
 
-use super::figures::heights;
-use super::identification::short_name;
 use super::page::{Page, Tile, remarks, table};
-use super::plot::{Layer, Plot, Role};
+use super::plot::{Layer, Plot, Role, heights};
+use super::records::{quantity_of, short_name};
 use super::rows::{Row, Rows, Shape};
 use super::scale::{Axis, shown};
 use super::statistics::spectrum;
-use crate::inspect::excitation::{SHOWN, grade};
+use crate::fit;
+use crate::inspect::excitation::{SHOWN, grade, grades};
 use crate::inspect::screen::{Defects, without};
-use crate::inspect::{ChannelFacts, Inspection, rests};
+use crate::inspect::{ChannelFacts, Inspection};
 use crate::output::counted;
 use crate::rig::Range;
 use eha_monitor::channel::{Channel, ChannelRole};
@@ -108,27 +108,27 @@ fn trace(one: &Inspection, facts: &ChannelFacts) -> Markup {
     let record = &one.record;
     let values = record.channel(facts.channel).unwrap_or_default();
     let info = facts.channel.info();
-    let what = info.description.split(',').next().unwrap_or(info.column);
+    let what = quantity_of(facts.channel);
     let timed = |series: &[f64]| -> Vec<[f64; 2]> {
         series.iter().enumerate().map(|(sample, &value)| [record.time_s(sample), value]).collect()
     };
     let (mut layers, mut legend) = (Vec::new(), Vec::new());
-    if info.role == ChannelRole::Measured && facts.saturated_share > 0.0 {
-        let resting: Vec<f64> = values
-            .iter()
-            .zip(rests(values))
-            .map(|(&value, rests)| if rests { value } else { f64::NAN })
-            .collect();
-        layers.push(Layer::Curve(Role::Measured, timed(&resting)));
-        legend.push((Role::Measured, "rests on an extreme".to_owned()));
-    }
-    layers.push(Layer::Curve(Role::Model, timed(values)));
-    legend.push((Role::Model, what.to_owned()));
     if facts.channel == Channel::UserPosition {
         layers
             .push(Layer::Curve(Role::Reference, timed(record.channel(Channel::Command).unwrap_or_default())));
         legend.push((Role::Reference, "command".to_owned()));
     }
+    if info.role == ChannelRole::Measured && facts.saturated_share > 0.0 {
+        let resting: Vec<f64> = values
+            .iter()
+            .zip(fit::at_ends(values))
+            .map(|(&value, rests)| if rests { value } else { f64::NAN })
+            .collect();
+        layers.push(Layer::Curve(Role::Measured, timed(&resting)));
+        legend.push((Role::Measured, "at min/max (clipped?)".to_owned()));
+    }
+    layers.push(Layer::Curve(Role::Model, timed(values)));
+    legend.push((Role::Model, what.to_owned()));
     let lost = lost(values);
     if !lost.is_empty() {
         let every = lost.len().div_ceil(MOST_MARKS);
@@ -268,7 +268,7 @@ fn by_command(one: &Inspection, range: &Range, index: usize) -> Markup {
     errors(
         format!("Standard error of {} by command", range.parameter.info().name),
         [(Role::Model, "this record"), (Role::After, "built-in command")],
-        "With the channels of this record, each flown again and again for as long as it; the best for all faults first.",
+        "Each repeated to this record's length, with its channels; the best for all faults first.",
         range,
         own.into_iter().chain(trials).collect(),
         false,
@@ -288,7 +288,7 @@ fn errors(
     Rows {
         title,
         legend: legend.map(|(role, name)| (role, name.to_owned())).to_vec(),
-        note: format!("{note} Logarithmic."),
+        note: format!("{note} {} Logarithmic.", grades()),
         axis: Axis::decades("standard error", info.unit, sizes.into_iter()),
         entries: errors
             .into_iter()

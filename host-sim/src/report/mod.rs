@@ -2,21 +2,25 @@
 //!
 //! ```text
 //! identification.rs, diagnosis.rs, reproduction.rs, inspection.rs    what a verb's report says
-//!        |-- figures.rs      figures from records, residuals, searches, estimates
-//!        |       |-- statistics.rs, surface.rs    what is computed for them
-//!        |       `-- plot.rs, rows.rs, scale.rs   how they are drawn
+//!        |-- records.rs, residual.rs, search.rs, estimates.rs    figures of what is named so
+//!        |       |-- statistics.rs, surface.rs             what is computed for them
+//!        |       `-- plot.rs, path.rs, rows.rs, scale.rs   how they are drawn
 //!        `-- page.rs, style.css    the page around them: light, dark and paper
 //! ```
 
 mod diagnosis;
-mod figures;
+mod estimates;
 mod identification;
 mod inspection;
 mod page;
+mod path;
 mod plot;
+mod records;
 mod reproduction;
+mod residual;
 mod rows;
 mod scale;
+mod search;
 mod statistics;
 mod surface;
 

@@ -1,6 +1,8 @@
 //! The page around the figures: one HTML file that needs nothing else.
 
 use super::scale::shown;
+use crate::cli;
+use eha_monitor::channel::CHANNELS;
 use eha_monitor::parameter::Parameter;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde_json::Value;
@@ -115,9 +117,11 @@ pub(super) fn remarks(title: &str, remarks: &[String]) -> Markup {
 }
 
 fn configuration(config: &Value) -> Markup {
+    let command_line = Value::String(cli::command_line());
+    let entries = config.as_object().into_iter().flatten().map(|(name, value)| (name.as_str(), value));
     html! {
-        dl.configuration { @for (name, value) in config.as_object().into_iter().flatten() {
-            dt { (name) } dd { (in_words(value)) }
+        dl.configuration { @for (name, value) in [("command line", &command_line)].into_iter().chain(entries) {
+            @if !value.is_null() { dt { (name.replace('_', " ")) } dd { (in_words(value)) } }
         } }
     }
 }
@@ -127,6 +131,15 @@ fn with_unit(name: &str, value: &Value) -> String {
     match (Parameter::named(name), value.as_f64()) {
         (Some(parameter), Some(value)) => shown(value, parameter.info().unit),
         _ => in_words(value),
+    }
+}
+
+/// A name as a rig file spells it: its own entries with hyphens, parameters and channels as they are.
+fn spelled(name: &str) -> String {
+    if Parameter::named(name).is_some() || CHANNELS.iter().any(|row| row.column == name) {
+        name.to_owned()
+    } else {
+        name.replace('_', "-")
     }
 }
 
@@ -140,17 +153,18 @@ fn in_words(value: &Value) -> String {
             let separator = if entries.iter().any(Value::is_object) { "; " } else { ", " };
             entries.iter().map(in_words).collect::<Vec<_>>().join(separator)
         }
-        Value::Object(members) if members.is_empty() => "none".to_owned(),
         Value::Object(members) if members.contains_key("lower") && members.contains_key("upper") => {
             let name = in_words(&value["name"]);
             let [lower, upper] = ["lower", "upper"].map(|end| with_unit(&name, &value[end]));
             format!("{name} {lower} to {upper}")
         }
-        Value::Object(members) => members
-            .iter()
-            .map(|(name, value)| format!("{name} = {}", with_unit(name, value)))
-            .collect::<Vec<_>>()
-            .join(", "),
+        Value::Object(members) => {
+            let known = members.iter().filter(|(_, value)| !value.is_null());
+            let words: Vec<String> = known
+                .map(|(name, value)| format!("{} = {}", spelled(name), with_unit(name, value)))
+                .collect();
+            if words.is_empty() { "none".to_owned() } else { words.join(", ") }
+        }
         other => other.to_string(),
     }
 }

@@ -3,6 +3,7 @@
 //! Colours come from the style sheet, by class, so that one drawing serves light, dark and paper. Title and legend are
 //! text of the page above the drawing; inside are only the axes and the data.
 
+use super::path::{decimated, outline};
 use super::scale::Axis;
 use maud::{Markup, PreEscaped, html};
 use std::fmt::Write as _;
@@ -48,6 +49,8 @@ pub(super) enum Layer {
     Area(Vec<[f64; 3]>),
     /// A horizontal line.
     Level(f64),
+    /// A horizontal line that is seen on top of everything.
+    Limit(f64),
     /// Coloured cells: edges along both axes, and for each row from the lowest the class of each cell.
     Cells {
         /// Edges along the horizontal axis.
@@ -92,19 +95,68 @@ const WIDE: [f64; 2] = [1100.0, 270.0];
 const HALF: [f64; 2] = [530.0, 270.0];
 /// Characters that a wide drawing has room for beside its axis, at least.
 const WIDE_LABEL: usize = 6;
-/// Mean width of a digit in the labels.
-const DIGIT: f64 = 6.8;
+/// Width of a digit in the labels where they are largest: on paper.
+const DIGIT: f64 = 9.2;
+/// Least distance of labels along the horizontal axis.
+const LABEL_APART: f64 = 95.0;
 
-/// Title and legend of a figure.
-pub(super) fn caption(title: &str, legend: &[(Role, String)]) -> Markup {
+/// What a legend shows beside a name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Swatch {
+    /// A piece of a line.
+    Line,
+    /// A dot.
+    Dot,
+    /// A piece of a bar.
+    Bar,
+}
+
+impl Swatch {
+    const fn class(self) -> &'static str {
+        match self {
+            Self::Line => "line",
+            Self::Dot => "point",
+            Self::Bar => "bar",
+        }
+    }
+}
+
+/// Title and legend of a figure; `swatch` is what its marks of a role look like.
+pub(super) fn caption(title: &str, legend: &[(Role, String)], swatch: impl Fn(Role) -> Swatch) -> Markup {
     html! {
         figcaption {
             span.title { (title) }
             @if !legend.is_empty() {
-                span.legend { @for (role, name) in legend { span.item { i.(role.class()) {} (name) } } }
+                span.legend { @for (role, name) in legend {
+                    span.item { i.(swatch(*role).class()).(role.class()) {} (name) }
+                } }
             }
         }
     }
+}
+
+/// The drawing of a figure. A wide figure has a second one that suits a narrow window: the style sheet shows one of them.
+pub(super) fn drawings(wide: bool, drawing: impl Fn(bool) -> Markup) -> Markup {
+    html! {
+        @if wide {
+            div.drawing.broad { (drawing(true)) }
+            div.drawing.slim { (drawing(false)) }
+        } @else {
+            div.drawing { (drawing(false)) }
+        }
+    }
+}
+
+/// Heights of all that is drawn at some.
+pub(super) fn heights(layers: &[Layer]) -> impl Iterator<Item = f64> {
+    layers.iter().flat_map(|layer| match layer {
+        Layer::Curve(_, points) | Layer::Dots(_, points) | Layer::Stems(_, points) => {
+            points.iter().map(|point| point[1]).collect::<Vec<_>>()
+        }
+        Layer::Area(bounds) => bounds.iter().flat_map(|bound| [bound[1], bound[2]]).collect(),
+        Layer::Level(level) | Layer::Limit(level) => vec![*level],
+        Layer::Cells { .. } | Layer::Outline(_) | Layer::Mark(_) => Vec::new(),
+    })
 }
 
 /// The area of the data inside a drawing.
@@ -118,27 +170,36 @@ struct Area {
 impl Plot {
     /// The figure.
     pub(super) fn figure(&self) -> Markup {
-        let [width, height] = if self.wide { WIDE } else { HALF };
-        let y_ticks = self.y.ticks(5);
-        let longest = y_ticks.iter().map(|(_, label)| label.chars().count()).max().unwrap_or(0);
-        // Plots that stand below each other have their axes below each other.
-        let least = if self.wide { WIDE_LABEL } else { 0 };
-        let left = 34.0 + longest.max(least) as f64 * DIGIT;
-        let area = Area { left, top: 10.0, width: width - left - 16.0, height: height - 10.0 - 44.0 };
-        let x_ticks = self.x.ticks((area.width / 75.0) as usize);
         html! {
             figure.card .wide[self.wide] {
-                (caption(&self.title, &self.legend))
-                div.drawing {
-                    svg viewBox=(format!("0 0 {width} {height}")) role="img" aria-label=(self.title) {
-                        (area.axes(&x_ticks, &y_ticks, &self.x.title, &self.y.title))
-                        (PreEscaped(self.data(&area)))
-                    }
-                }
+                (caption(&self.title, &self.legend, |role| self.swatch(role)))
+                (drawings(self.wide, |broad| self.drawing(broad)))
                 @if let Some([low, high]) = &self.ramp {
                     p.ramp { (low) @for class in 0..CLASSES { i.{ "c" (class) } {} } (high) }
                 }
                 @if !self.note.is_empty() { p.note { (self.note) } }
+            }
+        }
+    }
+
+    fn swatch(&self, role: Role) -> Swatch {
+        let is_dots = |layer: &Layer| matches!(layer, Layer::Dots(of, _) if *of == role);
+        if self.layers.iter().any(is_dots) { Swatch::Dot } else { Swatch::Line }
+    }
+
+    fn drawing(&self, broad: bool) -> Markup {
+        let [width, height] = if broad { WIDE } else { HALF };
+        let y_ticks = self.y.ticks(5);
+        let longest = y_ticks.iter().map(|(_, label)| label.chars().count()).max().unwrap_or(0);
+        // Plots that stand below each other have their axes below each other.
+        let least = if broad { WIDE_LABEL } else { 0 };
+        let left = 40.0 + longest.max(least) as f64 * DIGIT;
+        let area = Area { left, top: 10.0, width: width - left - 20.0, height: height - 10.0 - 48.0 };
+        let x_ticks = self.x.ticks((area.width / LABEL_APART) as usize);
+        html! {
+            svg viewBox=(format!("0 0 {width} {height}")) role="img" aria-label=(self.title) {
+                (area.axes(&x_ticks, &y_ticks, &self.x.title, &self.y.title))
+                (PreEscaped(self.data(&area)))
             }
         }
     }
@@ -198,13 +259,9 @@ impl Plot {
                 let path = outline(upper.chain(lower).filter_map(|point| self.place(area, point)));
                 write!(svg, r#"<path class="area" d="{path}"/>"#)
             }
-            Layer::Level(level) => match self.y.place(*level) {
-                Some(place) => {
-                    let y = (1.0 - place) * area.height;
-                    write!(svg, r#"<path class="level" d="M0 {y:.1}H{:.1}"/>"#, area.width)
-                }
-                None => Ok(()),
-            },
+            Layer::Level(level) => self.level(area, *level, &["level"], svg),
+            // Twice: a thin line on a broad one of the colour of the page.
+            Layer::Limit(level) => self.level(area, *level, &["halo", "limit"], svg),
             Layer::Cells { columns, rows, classes } => {
                 self.cells(area, columns, rows, classes, svg);
                 Ok(())
@@ -223,6 +280,14 @@ impl Plot {
                 None => Ok(()),
             },
         };
+    }
+
+    fn level(&self, area: &Area, level: f64, classes: &[&str], svg: &mut String) -> std::fmt::Result {
+        let Some(place) = self.y.place(level) else { return Ok(()) };
+        let y = (1.0 - place) * area.height;
+        classes
+            .iter()
+            .try_for_each(|class| write!(svg, r#"<path class="{class}" d="M0 {y:.1}H{:.1}"/>"#, area.width))
     }
 
     /// One rectangle for each run of cells of a row that share a colour.
@@ -262,67 +327,13 @@ impl Area {
             @for (place, label) in x_ticks {
                 @let x = self.left + place * self.width;
                 path.rule d=(format!("M{x:.1} {:.1}V{bottom:.1}", self.top)) {}
-                text.tick text-anchor="middle" x=(format!("{x:.1}")) y=(bottom + 17.0) { (label) }
+                text.tick text-anchor="middle" x=(format!("{x:.1}")) y=(bottom + 19.0) { (label) }
             }
             path.frame d=(format!("M{:.1} {:.1}V{bottom:.1}H{right:.1}", self.left, self.top)) {}
-            text.axis text-anchor="middle" x=(self.left + self.width / 2.0) y=(bottom + 36.0) { (x) }
-            text.axis text-anchor="middle" transform=(format!("translate(12 {middle:.1}) rotate(-90)")) { (y) }
+            text.axis text-anchor="middle" x=(self.left + self.width / 2.0) y=(bottom + 41.0) { (x) }
+            text.axis text-anchor="middle" transform=(format!("translate(19 {middle:.1}) rotate(-90)")) { (y) }
         }
     }
-}
-
-fn outline(places: impl Iterator<Item = [f64; 2]>) -> String {
-    let mut path = String::new();
-    for [x, y] in places {
-        let _ = write!(path, "{}{x:.1} {y:.1}", if path.is_empty() { 'M' } else { 'L' });
-    }
-    path.push('Z');
-    path
-}
-
-/// The path through places. Where more than two fall on a pixel's width, it goes through the first, the lowest, the
-/// highest and the last of them: the picture is the same, its size is bounded by its width.
-fn decimated(places: impl Iterator<Item = Option<[f64; 2]>>, width: f64, height: f64) -> String {
-    let mut path = String::new();
-    let mut pen_down = false;
-    let mut column: Vec<[f64; 2]> = Vec::new();
-    let mut flush = |column: &mut Vec<[f64; 2]>, pen_down: &mut bool| {
-        for [x, y] in thinned(column) {
-            // Far outside is as good as just outside, and keeps the numbers short.
-            let y = y.clamp(-height, 2.0 * height);
-            let _ = write!(path, "{}{x:.1} {y:.1}", if *pen_down { 'L' } else { 'M' });
-            *pen_down = true;
-        }
-        column.clear();
-    };
-    for place in places {
-        let Some(place) = place.filter(|[x, _]| (-1.0..=width + 1.0).contains(x)) else {
-            flush(&mut column, &mut pen_down);
-            pen_down = false;
-            continue;
-        };
-        if column.first().is_some_and(|first| first[0].floor() != place[0].floor()) {
-            flush(&mut column, &mut pen_down);
-        }
-        column.push(place);
-    }
-    flush(&mut column, &mut pen_down);
-    path
-}
-
-/// First, extremes and last of the places in a pixel's width, in their order.
-fn thinned(column: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    if column.len() <= 4 {
-        return column.to_vec();
-    }
-    let by_height = |a: &usize, b: &usize| column[*a][1].total_cmp(&column[*b][1]);
-    let last = column.len() - 1;
-    let mut kept = vec![0, last];
-    kept.extend((0..column.len()).min_by(by_height));
-    kept.extend((0..column.len()).max_by(by_height));
-    kept.sort_unstable();
-    kept.dedup();
-    kept.into_iter().map(|index| column[index]).collect()
 }
 
 #[cfg(test)]

@@ -1,31 +1,48 @@
 //! The report of `reproduce`.
 
-use super::page::{Page, Tile, table};
+use super::page::{Page, Tile, remarks, table};
 use super::plot::{Layer, Plot, Role};
+use super::records::{Compared, records};
+use super::residual;
 use super::rows::{Row, Rows, Shape};
-use super::scale::Axis;
+use super::scale::{Axis, shown};
+use super::search::search;
+use crate::fit::{Fit, Prepared};
+use crate::record::Record;
+use crate::rig::Rig;
 use crate::thesis::Case;
+use eha_monitor::parameter::Parameter;
 use maud::{Markup, html};
 use serde_json::Value;
 
-/// A case, and what was found of it: backlash, m, and dry friction, N.
-pub(crate) struct Reproduced {
+/// A case, and what was found of it.
+pub(crate) struct Reproduced<'a> {
     /// The case.
     pub(crate) case: Case,
-    /// With the monitor's bare model.
-    pub(crate) before: [f64; 2],
-    /// With what the closed loop added; none where it was not closed.
-    pub(crate) after: Option<[f64; 2]>,
+    /// Its record.
+    pub(crate) record: &'a Record,
+    /// The record as the last of the fits took it.
+    pub(crate) prepared: &'a [Prepared],
+    /// The fit with the monitor's bare model.
+    pub(crate) before: &'a Fit,
+    /// The fit with what the closed loop added; none where it was not closed.
+    pub(crate) after: Option<&'a Fit>,
 }
 
-impl Reproduced {
+impl Reproduced<'_> {
+    /// Mean errors of both faults, percent: the source's, ours before, ours after.
     fn errors(&self) -> [Option<f64>; 3] {
-        let error = |found: [f64; 2]| self.case.mean_error_percent(found[0], found[1]);
-        [
-            Some(error([self.case.source_bkl, self.case.source_fdj])),
-            Some(error(self.before)),
-            self.after.map(error),
-        ]
+        let error = |fit: &Fit| {
+            let value = |parameter| fit.estimate(parameter).map_or(f64::NAN, |estimate| estimate.value);
+            self.case.mean_error_percent(value(Parameter::Backlash), value(Parameter::DryFriction))
+        };
+        let source = self.case.mean_error_percent(self.case.source_bkl, self.case.source_fdj);
+        [Some(source), Some(error(self.before)), self.after.map(error)]
+    }
+
+    /// The error that the last of the fits leaves, percent.
+    fn last_error(&self) -> f64 {
+        self.errors().into_iter().flatten().last().unwrap_or(f64::NAN)
     }
 }
 
@@ -41,8 +58,13 @@ pub(crate) struct Portrait {
     pub(crate) low: Vec<f64>,
 }
 
-/// The report of the source's cases, as an HTML file.
-pub(crate) fn reproduction(cases: &[Reproduced], portraits: &[Portrait], result: &Value) -> String {
+/// The report of the source's cases, as an HTML file; `rig` is that of the last of their fits.
+pub(crate) fn reproduction(
+    cases: &[Reproduced<'_>],
+    rig: &Rig,
+    portraits: &[Portrait],
+    result: &Value,
+) -> String {
     let worst = |which: usize| cases.iter().filter_map(|case| case.errors()[which]).fold(f64::NAN, f64::max);
     let tile = |name: &str, which: usize| {
         let value = worst(which);
@@ -51,7 +73,25 @@ pub(crate) fn reproduction(cases: &[Reproduced], portraits: &[Portrait], result:
     };
     let effects: Vec<&str> =
         result["added_effects"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
-    let mut sections = vec![("Errors", html! { (bars(cases)) (case_table(cases)) })];
+    let warnings: Vec<String> = result["warnings"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_str)
+        .map(str::to_owned)
+        .collect();
+    let errors = html! {
+        (bars(cases))
+        (case_table(cases))
+        @if !warnings.is_empty() { (remarks("Notes", &warnings)) }
+    };
+    let mut sections = vec![("Errors", errors)];
+    let worst_case = cases.iter().max_by(|one, other| one.last_error().total_cmp(&other.last_error()));
+    let heading = worst_case.map(|worst| {
+        let when = if worst.after.is_some() { " after" } else { "" };
+        format!("Case {}, the one with the largest error{when}", worst.case.number)
+    });
+    sections.extend(heading.as_deref().zip(worst_case.map(|worst| closely(worst, rig))));
     if !portraits.is_empty() {
         sections.push(("High fidelity against low fidelity", pictures(portraits)));
     }
@@ -103,7 +143,7 @@ fn percent(value: f64) -> String {
     }
 }
 
-fn bars(cases: &[Reproduced]) -> Markup {
+fn bars(cases: &[Reproduced<'_>]) -> Markup {
     let closed = cases.iter().any(|case| case.after.is_some());
     let mut roles = vec![(Role::Measured, "source"), (Role::Before, if closed { "before" } else { "ours" })];
     if closed {
@@ -137,22 +177,46 @@ fn bars(cases: &[Reproduced]) -> Markup {
     .figure()
 }
 
-fn case_table(cases: &[Reproduced]) -> Markup {
-    let pair = |[bkl, fdj]: [f64; 2]| format!("{:.4} mm, {fdj:.1} N", bkl * 1e3);
+fn case_table(cases: &[Reproduced<'_>]) -> Markup {
+    let known = |[bkl, fdj]: [f64; 2]| [shown(bkl, "m"), shown(fdj, "N")].join(", ");
+    let found = |fit: &Fit| -> Vec<String> {
+        let cells = fit.estimates.iter().map(|estimate| {
+            let [value, low, high] = [estimate.value, estimate.ci95[0], estimate.ci95[1]]
+                .map(|value| shown(value, estimate.parameter.info().unit));
+            format!("{value} ({low} to {high})")
+        });
+        cells.collect()
+    };
     let rows: Vec<Vec<String>> = cases
         .iter()
-        .map(|reproduced| {
+        .flat_map(|reproduced| {
             let case = &reproduced.case;
-            vec![
-                format!("{} {}", case.number, case.command),
-                pair([case.bkl, case.fdj]),
-                pair([case.source_bkl, case.source_fdj]),
-                pair(reproduced.before),
-                reproduced.after.map_or_else(|| "-".to_owned(), pair),
-            ]
+            let name = format!("{} {}", case.number, case.command);
+            let (input, source) = (known([case.bkl, case.fdj]), known([case.source_bkl, case.source_fdj]));
+            let before = [vec![name, input, source, "before".to_owned()], found(reproduced.before)].concat();
+            let after = reproduced
+                .after
+                .map(|fit| [["", "", "", "after"].map(str::to_owned).to_vec(), found(fit)].concat());
+            std::iter::once(before).chain(after)
         })
         .collect();
-    table("Backlash and dry friction", "", &["case", "input", "source", "before", "after"], &rows, true)
+    let header =
+        ["case", "input", "source", "ours", "backlash (95 % interval)", "dry friction (95 % interval)"];
+    table("Backlash and dry friction", "", &header, &rows, true)
+}
+
+/// A case closely: its record against the models, what is left, the search.
+fn closely(one: &Reproduced<'_>, rig: &Rig) -> Markup {
+    let mut models = vec![(Role::Before, "before", one.before.predictions[0].as_slice())];
+    models.extend(one.after.map(|after| (Role::After, "after", after.predictions[0].as_slice())));
+    let name = format!("case {}, {}", one.case.number, one.case.command);
+    let compared = [Compared { name, record: one.record, prepared: &one.prepared[0], models }];
+    let fit = one.after.unwrap_or(one.before);
+    html! {
+        (records(&compared))
+        (residual::tests(&compared, 0, fit.noise[0]))
+        (search(fit, rig, &one.case.ranges(), one.prepared, one.case.population))
+    }
 }
 
 fn pictures(portraits: &[Portrait]) -> Markup {

@@ -1,6 +1,6 @@
 //! Named rows with a bar from zero, or a point with its interval, along one axis, as inline SVG.
 
-use super::plot::{Role, caption};
+use super::plot::{Role, Swatch, caption, drawings};
 use super::scale::Axis;
 use maud::{Markup, html};
 
@@ -47,63 +47,79 @@ pub(super) struct Rows {
 const ROW: f64 = 22.0;
 /// Space above a row that starts a group.
 const GROUP: f64 = 8.0;
-/// Mean width of a character.
-const CHARACTER: f64 = 6.9;
+/// Mean width of a character where they are largest: on paper.
+const CHARACTER: f64 = 8.7;
+/// Least share of a drawing that its axis takes: with longer names, those stand above their rows.
+const LEAST_SPAN: f64 = 0.35;
+/// Height of a name that does.
+const NAME: f64 = 17.0;
 
 impl Rows {
     /// The figure.
     pub(super) fn figure(&self) -> Markup {
-        let width = if self.wide { 1100.0 } else { 530.0 };
+        let is_bar = self.entries.iter().any(|row| matches!(row.shape, Shape::Bar(_)));
+        let swatch = if is_bar { Swatch::Bar } else { Swatch::Dot };
+        html! {
+            figure.card .wide[self.wide] {
+                (caption(&self.title, &self.legend, |_| swatch))
+                (drawings(self.wide, |broad| self.drawing(if broad { 1100.0 } else { 530.0 })))
+                @if !self.note.is_empty() { p.note { (self.note) } }
+            }
+        }
+    }
+
+    fn drawing(&self, width: f64) -> Markup {
         let longest = |text: fn(&Row) -> &str| {
             self.entries.iter().map(|row| text(row).chars().count()).max().unwrap_or(0) as f64 * CHARACTER
         };
-        let left = 12.0 + longest(|row| &row.name);
-        let span = width - left - longest(|row| &row.text) - 24.0;
+        let (names, texts) = (longest(|row| &row.name), longest(|row| &row.text));
+        let is_above = width - names - texts - 36.0 < LEAST_SPAN * width;
+        let left = if is_above { 12.0 } else { 12.0 + names };
+        let span = width - left - texts - 24.0;
         let mut bottom = 4.0;
         let places: Vec<f64> = self
             .entries
             .iter()
             .map(|row| {
-                bottom += if row.name.is_empty() { 0.0 } else { GROUP };
+                let first = if is_above { GROUP + NAME } else { GROUP };
+                bottom += if row.name.is_empty() { 0.0 } else { first };
                 let middle = bottom + ROW / 2.0;
                 bottom += ROW;
                 middle
             })
             .collect();
-        let ticks = self.axis.ticks(((span / 75.0) as usize).max(2));
+        let ticks = self.axis.ticks(((span / 95.0) as usize).max(2));
         let at =
             |value: f64| self.axis.place(value).map_or(left, |place| left + place.clamp(0.0, 1.0) * span);
         html! {
-            figure.card .wide[self.wide] {
-                (caption(&self.title, &self.legend))
-                div.drawing {
-                    svg viewBox=(format!("0 0 {width} {:.0}", bottom + 46.0)) role="img" aria-label=(self.title) {
-                        @for (place, label) in &ticks {
-                            @let x = left + place * span;
-                            path.rule d=(format!("M{x:.1} 2V{bottom:.1}")) {}
-                            text.tick text-anchor="middle" x=(format!("{x:.1}")) y=(bottom + 17.0) { (label) }
+            svg viewBox=(format!("0 0 {width} {:.0}", bottom + 50.0)) role="img" aria-label=(self.title) {
+                @for (place, label) in &ticks {
+                    @let x = left + place * span;
+                    path.rule d=(format!("M{x:.1} 2V{bottom:.1}")) {}
+                    text.tick text-anchor="middle" x=(format!("{x:.1}")) y=(bottom + 19.0) { (label) }
+                }
+                path.frame d=(format!("M{left:.1} 2V{bottom:.1}H{:.1}", left + span)) {}
+                text.axis text-anchor="middle" x=(left + span / 2.0) y=(bottom + 41.0) { (self.axis.title) }
+                @for (row, y) in self.entries.iter().zip(&places) {
+                    @if is_above && !row.name.is_empty() {
+                        text.name x=(left + 4.0) y=(y - 12.0) { (row.name) }
+                    } @else if !row.name.is_empty() {
+                        text.name text-anchor="end" x=(left - 8.0) y=(y + 4.0) { (row.name) }
+                    }
+                    @match row.shape {
+                        Shape::Bar(value) => {
+                            rect.bar.(row.role.class()) x=(left) y=(y - 7.0) height="14" rx="1.5"
+                                width=(format!("{:.1}", (at(value) - left).max(1.5))) {}
                         }
-                        path.frame d=(format!("M{left:.1} 2V{bottom:.1}H{:.1}", left + span)) {}
-                        text.axis text-anchor="middle" x=(left + span / 2.0) y=(bottom + 37.0) { (self.axis.title) }
-                        @for (row, y) in self.entries.iter().zip(&places) {
-                            text.name text-anchor="end" x=(left - 8.0) y=(y + 4.0) { (row.name) }
-                            @match row.shape {
-                                Shape::Bar(value) => {
-                                    rect.bar.(row.role.class()) x=(left) y=(y - 7.0) height="14" rx="1.5"
-                                        width=(format!("{:.1}", (at(value) - left).max(1.5))) {}
-                                }
-                                Shape::Point(value, [low, high]) => {
-                                    path.whisker.(row.role.class())
-                                        d=(format!("M{0:.1} {1:.1}v8M{0:.1} {2:.1}H{3:.1}M{3:.1} {1:.1}v8",
-                                            at(low), y - 4.0, y, at(high))) {}
-                                    circle.point.(row.role.class()) cx=(format!("{:.1}", at(value))) cy=(y) r="4.5" {}
-                                }
-                            }
-                            text.value x=(left + span + 10.0) y=(y + 4.0) { (row.text) }
+                        Shape::Point(value, [low, high]) => {
+                            path.whisker.(row.role.class())
+                                d=(format!("M{0:.1} {1:.1}v8M{0:.1} {2:.1}H{3:.1}M{3:.1} {1:.1}v8",
+                                    at(low), y - 4.0, y, at(high))) {}
+                            circle.point.(row.role.class()) cx=(format!("{:.1}", at(value))) cy=(y) r="4.5" {}
                         }
                     }
+                    text.value x=(left + span + 10.0) y=(y + 4.0) { (row.text) }
                 }
-                @if !self.note.is_empty() { p.note { (self.note) } }
             }
         }
     }

@@ -38,6 +38,15 @@ pub(super) fn shown_unit(unit: &str, largest: f64) -> (f64, &str) {
     }
 }
 
+/// What is seen to both sides of a constant 0, in a unit.
+fn least_margin(unit: &str) -> f64 {
+    match unit {
+        "m" => 1e-6,
+        "Pa" => 1e3,
+        _ => 0.1,
+    }
+}
+
 /// A quantity in words, as the tables of the terminal have it, in the typography of a page.
 pub(super) fn shown(value: f64, unit: &str) -> String {
     quantity(value, unit).replace(" um", " µm").replace('-', "−")
@@ -47,7 +56,10 @@ impl Axis {
     /// An evenly spread axis around values; those that are not finite do not count.
     pub(super) fn around(name: &str, unit: &str, values: impl Iterator<Item = f64>) -> Self {
         let (low, high) = extent(values);
-        let margin = if high > low { 0.05 * (high - low) } else { (0.05 * high.abs()).max(1e-12) };
+        let size = low.abs().max(high.abs());
+        // Digits that are lost to rounding are no motion.
+        let is_constant = high - low <= 1e-9 * size;
+        let margin = if is_constant { (0.05 * size).max(least_margin(unit)) } else { 0.05 * (high - low) };
         Self::between(name, unit, low - margin, high + margin)
     }
 
@@ -90,10 +102,14 @@ impl Axis {
         place.is_finite().then_some(place)
     }
 
-    /// Ticks: place and label, `count` of them or a few less.
+    /// Ticks: place and label, `count` of them or a few less, but two at least where both find a place.
     pub(super) fn ticks(&self, count: usize) -> Vec<(f64, String)> {
         let values = match self.scale {
-            Scale::Linear => linear_ticks(self.low, self.high, count),
+            // One alone says nothing of the others.
+            Scale::Linear => (count..2 * count)
+                .map(|count| linear_ticks(self.low, self.high, count))
+                .find(|ticks| ticks.len() > 1)
+                .unwrap_or_default(),
             Scale::Log => log_ticks(self.low, self.high, count),
         };
         values
@@ -149,16 +165,20 @@ fn log_ticks(low: f64, high: f64, count: usize) -> Vec<(f64, String)> {
         let every = decades.len().div_ceil(count.max(1)).max(1);
         decades.into_iter().step_by(every).collect()
     });
-    values.into_iter().map(|value| (value, plain(value))).collect()
+    // All in one notation: plain from 0.0001 to 100000, else as multiples of powers of ten.
+    let is_plain = values.iter().all(|value| (1e-4..1.001e5).contains(value));
+    values.into_iter().map(|value| (value, if is_plain { plain(value) } else { of_ten(value) })).collect()
 }
 
-/// A round number without noise digits: plain from 0.0001 to 100000, else as a power of ten.
+/// A round number without noise digits.
 fn plain(value: f64) -> String {
-    if (1e-4..1e5).contains(&value) {
-        let decimals = (-value.log10().floor()).max(0.0) as usize;
-        return format!("{value:.decimals$}");
-    }
-    format!("{value:.0e}")
+    let decimals = (-value.log10().floor()).max(0.0) as usize;
+    format!("{value:.decimals$}")
+}
+
+/// A round number as a multiple of a power of ten.
+fn of_ten(value: f64) -> String {
+    format!("{value:.0e}").replace('-', "−")
 }
 
 #[cfg(test)]
@@ -175,6 +195,24 @@ mod tests {
         assert_eq!(labels(&Axis::between("x", "m", -4e-3, 4.1e-3), 5), ["−4", "−2", "0", "2", "4"]);
         assert_eq!(labels(&Axis::decades("e", "1", [0.02, 300.0].into_iter()), 5), ["0.1", "1", "10", "100"]);
         assert_eq!(labels(&Axis::decades("e", "1", [1.0, 9.0].into_iter()), 5), ["1", "2", "5", "10"]);
+    }
+
+    #[test]
+    fn an_axis_has_one_notation() {
+        let wide = Axis::decades("density", "1", [2e3, 5e5].into_iter());
+        assert_eq!(labels(&wide, 9), ["2e3", "5e3", "1e4", "2e4", "5e4", "1e5", "2e5", "5e5"]);
+        let small = Axis::decades("density", "1", [3e-6, 0.5].into_iter());
+        assert_eq!(labels(&small, 6), ["1e−5", "1e−4", "1e−3", "1e−2", "1e−1"]);
+    }
+
+    #[test]
+    fn a_constant_is_seen_in_a_range_that_means_something() {
+        assert_eq!(
+            labels(&Axis::around("x", "m", [0.0; 3].into_iter()), 5),
+            ["−1.0", "−0.5", "0", "0.5", "1.0"]
+        );
+        let rounded = Axis::around("x", "m", [5e-3, 5e-3 + 1e-18].into_iter());
+        assert_eq!(labels(&rounded, 5), ["4.8", "4.9", "5.0", "5.1", "5.2"]);
     }
 
     #[test]

@@ -238,6 +238,21 @@ fn ranges(tables: Vec<RangeTable>) -> Result<Vec<Range>, Failure> {
     Ok(ranges)
 }
 
+/// A name as a rig file spells it.
+fn word(name: impl Serialize) -> String {
+    let value = toml::Value::try_from(name).ok();
+    value.as_ref().and_then(toml::Value::as_str).unwrap_or_default().to_owned()
+}
+
+/// Valve, feedback and drive of a model as a rig file spells them.
+pub fn spelled(form: Form) -> (String, String, String) {
+    (
+        word(ValveName::from(form.valve)),
+        word(FeedbackName::from(form.feedback)),
+        word(DriveName::from(form.drive)),
+    )
+}
+
 /// The text of a rig file that [`read`] turns into the same rig, with each parameter's meaning beside it.
 pub fn write(rig: &Rig, comments: &[String]) -> String {
     let mut text = String::new();
@@ -245,9 +260,6 @@ pub fn write(rig: &Rig, comments: &[String]) -> String {
         let _ = writeln!(text, "# {comment}");
     }
     let quoted = |value: String| toml::Value::String(value).to_string();
-    let kebab = |value: Result<toml::Value, toml::ser::Error>| {
-        value.map_or_else(|_| String::new(), |value| value.to_string())
-    };
     let _ = writeln!(text, "name = {}", quoted(rig.name.clone()));
     let _ = writeln!(text, "base = \"eha\"");
     for (table, ranges) in [("fault", &rig.faults), ("free", &rig.free)] {
@@ -256,12 +268,12 @@ pub fn write(rig: &Rig, comments: &[String]) -> String {
         }
     }
     let _ = writeln!(text, "\n[model]");
-    let _ = writeln!(text, "valve = {}", kebab(toml::Value::try_from(ValveName::from(rig.form.valve))));
-    let _ =
-        writeln!(text, "feedback = {}", kebab(toml::Value::try_from(FeedbackName::from(rig.form.feedback))));
-    let _ = writeln!(text, "drive = {}", kebab(toml::Value::try_from(DriveName::from(rig.form.drive))));
+    let (valve, feedback, drive) = spelled(rig.form);
+    let _ = writeln!(text, "valve = {}", quoted(valve));
+    let _ = writeln!(text, "feedback = {}", quoted(feedback));
+    let _ = writeln!(text, "drive = {}", quoted(drive));
     let _ = writeln!(text, "command-offset = {}", rig.command_offset);
-    let _ = writeln!(text, "command-path = {}", kebab(toml::Value::try_from(rig.command_path)));
+    let _ = writeln!(text, "command-path = {}", quoted(word(rig.command_path)));
     let _ = writeln!(text, "drive-holds = {}", rig.drive_holds);
     if let Some(restart) = rig.restart_s {
         let _ = writeln!(text, "restart-s = {restart:?}");

@@ -6,7 +6,7 @@ mod file;
 
 pub use builtin::{BUILT_IN, BuiltIn};
 pub use command_path::{CommandPath, Knots};
-pub use file::{read, write};
+pub use file::{read, spelled, write};
 
 use crate::failure::Failure;
 use eha_monitor::channel::{CHANNELS, Channel};
@@ -154,6 +154,14 @@ impl Rig {
     #[must_use]
     pub fn opened(&self) -> Self {
         Self { controller: None, ..self.clone() }
+    }
+
+    /// The channels that its model can say something of: behind a force there is neither a current nor a pressure.
+    pub fn measurable(&self) -> &'static [Channel] {
+        match self.form.drive {
+            Drive::Valve => &Channel::MEASURED,
+            Drive::Force => &[Channel::UserPosition, Channel::RamPosition],
+        }
     }
 
     /// Known noise of a channel, in its unit.

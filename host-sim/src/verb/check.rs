@@ -4,7 +4,7 @@ use super::files::Files;
 use super::{DEFAULT_RIG, InputOptions, assignments};
 use crate::cli::Common;
 use crate::failure::Failure;
-use crate::inspect::excitation::{SHOWN, grade};
+use crate::inspect::excitation::{SHOWN, grade, grades};
 use crate::inspect::{ChannelFacts, Inspection};
 use crate::output::{self, SCHEMA, quantity};
 use crate::report::{self, REPORT_FILE};
@@ -161,6 +161,9 @@ fn print(ranges: &[Range], one: &Inspection) -> Result<(), Failure> {
     for note in &facts.notes {
         output::print(&format!("note: {note}"))?;
     }
+    if one.promises.is_empty() {
+        return output::print(&format!("next: {}\n", one.advice()));
+    }
     output::print("\nforeseen standard errors, from the model's sensitivities:")?;
     let mut header = vec!["channels".to_owned(), "recorded".to_owned()];
     for range in ranges {
@@ -178,12 +181,12 @@ fn print(ranges: &[Range], one: &Inspection) -> Result<(), Failure> {
         let recorded = if promise.recorded { "yes" } else { "no" };
         table.add_row(row(vec![names.join(" + "), recorded.to_owned()], &promise.standard_errors));
     }
-    output::print(&table.to_string())?;
+    output::print(&format!("{table}\n{}", grades()))?;
     if one.trials.is_empty() {
         return Ok(());
     }
     output::print(
-        "\nbuilt-in commands, again and again for as long as the record, with its channels, best first:",
+        "\neach built-in command, repeated to this record's length, with its channels, best first:",
     )?;
     header.splice(0..2, ["command".to_owned(), "amplitude".to_owned(), "current at its limit".to_owned()]);
     let mut table = output::table(&header);

@@ -5,14 +5,13 @@ use super::{DEFAULT_RIG, InputOptions};
 use crate::cli::{Common, written_path};
 use crate::diagnose::{Case, Diagnosis, Score, Verdict, diagnose};
 use crate::failure::Failure;
-use crate::fit::{self, Estimate, FitSettings, LoopScore, Prepared};
+use crate::fit::{self, Bounds, Estimate, FitSettings, LoopScore, Prepared};
 use crate::interrupt;
-use crate::output::{self, SCHEMA};
+use crate::output::{self, SCHEMA, effects_in_words};
 use crate::record::Record;
-use crate::report::{self, Diagnosed, OfParts, PARTS, REPORT_FILE};
+use crate::report::{self, Diagnosed, OfParts, REPORT_FILE};
 use crate::rig::{self, Rig};
 use crate::trace::Trace;
-use comfy_table::Table;
 use eha_monitor::channel::Channel;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -101,7 +100,7 @@ pub(super) struct Job<'a> {
 pub(super) struct Answer {
     pub(super) diagnosis: Diagnosis,
     /// Errors of an axis whose controller is known, before and after, of the fitted and the held-out records.
-    loops: OfParts<LoopScore>,
+    pub(super) loops: OfParts<LoopScore>,
     /// All of it as JSON.
     pub(super) result: Value,
 }
@@ -191,6 +190,9 @@ impl Job<'_> {
                 row
             })
             .collect();
+        let mut config = output::config_json(self.common, &self.rig, &self.rig.declared(), &self.names);
+        let FitSettings { population, budget, .. } = FitSettings::default();
+        config["search"] = json!({ "population": population, "budget": budget });
         json!({
             "schema": SCHEMA,
             "verdict": diagnosis.verdict.name(),
@@ -228,7 +230,7 @@ impl Job<'_> {
             "warnings": self.warnings(diagnosis),
             "seconds": seconds,
             "seed": self.common.seed,
-            "config": output::config_json(self.common, &self.rig, &self.rig.declared(), &self.names),
+            "config": config,
         })
     }
 
@@ -269,11 +271,13 @@ impl Job<'_> {
                 output::quantity(-sample_period / colour.ln(), "s"),
             ));
         }
+        let declared = diagnosis.faults.iter().map(|fault| &fault.estimate).chain(&diagnosis.free);
+        warnings.extend(fit::remarks(declared, &self.rig.declared(), Bounds::Rig));
         for fault in &diagnosis.faults {
-            let names: Vec<&str> = fault.confounded_with.iter().map(|effect| effect.name).collect();
-            if !names.is_empty() {
-                let name = fault.estimate.parameter.info().name;
-                warnings.push(format!("{name} holds only if none of these is present: {}", names.join(", ")));
+            if !fault.confounded_with.is_empty() {
+                let (name, names) =
+                    (fault.estimate.parameter.info().name, effects_in_words(&fault.confounded_with));
+                warnings.push(format!("{name} holds only if none of these is present: {names}"));
             }
         }
         warnings
@@ -322,142 +326,38 @@ impl Job<'_> {
             [("before", &diagnosis.before.predictions), ("after", &diagnosis.predictions)];
         Trace::new(&self.train, &diagnosis.records[..self.train.len()], &models)
     }
-
-    /// The errors of an axis whose controller is known.
-    fn closed_loop_text(&self, loops: &OfParts<LoopScore>, text: &mut String) {
-        if loops.iter().all(Option::is_none) {
-            return;
-        }
-        let window =
-            self.rig.restart_s.map_or(String::new(), |seconds| format!("; open loop over {seconds} s"));
-        let _ = writeln!(text, "\nforce in closed loop, error over recorded{window}:");
-        for (part, scores) in PARTS.into_iter().zip(loops) {
-            for (when, score) in ["before", "after"].into_iter().zip(scores.iter().flatten()) {
-                let open = score
-                    .open_loop_rms
-                    .map_or(String::new(), |rms| format!("{:>15}", output::quantity(rms, "m")));
-                let _ = writeln!(text, "  {part:<17} {when:<7}{:>8.2} %{open}", score.force_error * 100.0);
-            }
-        }
-    }
-
-    pub(super) fn text(&self, answer: &Answer) -> String {
-        let Answer { diagnosis, loops, result } = answer;
-        let mut text = String::new();
-        let metres = |value: f64| output::quantity(value, "m");
-        let _ = writeln!(text, "verdict: {}", diagnosis.verdict.name());
-        for found in &diagnosis.found {
-            let sizes: Vec<String> = found
-                .estimates
-                .iter()
-                .map(|estimate| {
-                    let info = estimate.parameter.info();
-                    let q = |value| output::quantity(value, info.unit);
-                    format!(
-                        "{} = {} ({} to {})",
-                        info.name,
-                        q(estimate.value),
-                        q(estimate.ci95[0]),
-                        q(estimate.ci95[1])
-                    )
-                })
-                .collect();
-            let what = if found.named { "effect" } else { "empirical term (not a name for what is there)" };
-            let _ = writeln!(
-                text,
-                "{what}: {}: {}; {}",
-                found.effect.name,
-                found.effect.equation,
-                sizes.join(", ")
-            );
-            if found.class.len() > 1 {
-                let names: Vec<&str> = found.class.iter().skip(1).map(|effect| effect.name).collect();
-                let _ = writeln!(text, "  these records cannot tell it from: {}", names.join(", "));
-            }
-        }
-        let _ = writeln!(text, "\nerror of the user position (noise {}):", metres(diagnosis.noise[0]));
-        let scores = [Some(diagnosis.train), diagnosis.holdout];
-        let largest = scores.iter().flatten().flatten().map(|score| score.position_rms).fold(0.0, f64::max);
-        for (part, scores) in PARTS.into_iter().zip(scores) {
-            for (when, score) in ["before", "after"].into_iter().zip(scores.iter().flatten()) {
-                let length = (score.position_rms / largest * 40.0).round().max(1.0) as usize;
-                let _ = writeln!(
-                    text,
-                    "  {part:<17} {when:<7}{:>12}  {}",
-                    metres(score.position_rms),
-                    "#".repeat(length)
-                );
-            }
-        }
-        self.closed_loop_text(loops, &mut text);
-        for table in tables(diagnosis) {
-            let _ = writeln!(text, "\n{table}");
-        }
-        if let Some(left) = &diagnosis.left {
-            let _ =
-                write!(text, "left: half of it acts from {:.3} to {:.3} s", left.active[0], left.active[1]);
-            if let Some((name, correlation)) = left.follows {
-                let _ = write!(text, "; it follows {name} (correlation {correlation:.2})");
-            }
-            if let Some((frequency, share)) = left.tone {
-                let _ = write!(text, "; {:.0} % of it is a tone at {frequency:.1} Hz", share * 100.0);
-            }
-            let _ = writeln!(text);
-        }
-        for warning in result["warnings"].as_array().into_iter().flatten().filter_map(Value::as_str) {
-            let _ = writeln!(text, "note: {warning}");
-        }
-        if let Some(next) = result["next_experiment"].as_str().filter(|next| !next.is_empty()) {
-            let _ = writeln!(text, "next: {next}");
-        }
-        let _ = writeln!(
-            text,
-            "{:.2} s, seed {}",
-            result["seconds"].as_f64().unwrap_or(f64::NAN),
-            self.common.seed
-        );
-        text
-    }
-}
-
-/// The faults and the other free parameters, as far as there are any.
-fn tables(diagnosis: &Diagnosis) -> impl Iterator<Item = Table> {
-    let row = |before: &Estimate, after: &Estimate| {
-        let info = after.parameter.info();
-        let q = |value| output::quantity(value, info.unit);
-        let [lower, upper] = after.ci95.map(q);
-        vec![info.name.to_owned(), q(before.value), q(after.value), format!("{lower} to {upper}")]
-    };
-    let (faults_before, free_before) = diagnosis.before.estimates.split_at(diagnosis.faults.len());
-    let mut faults = output::table(["fault", "before", "after", "95 % interval", "mixed up with"]);
-    for (fault, before) in diagnosis.faults.iter().zip(faults_before) {
-        let names: Vec<&str> = fault.confounded_with.iter().map(|effect| effect.name).collect();
-        let names = if names.is_empty() { "-".to_owned() } else { names.join(", ") };
-        faults.add_row([row(before, &fault.estimate), vec![names]].concat());
-    }
-    let mut free = output::table(["free parameter", "before", "after", "95 % interval"]);
-    for (after, before) in diagnosis.free.iter().zip(free_before) {
-        free.add_row(row(before, after));
-    }
-    [faults, free].into_iter().filter(|table| !table.is_empty())
 }
 
 /// What to measure so that what is open now is settled.
 fn next_experiment(job: &Job<'_>, diagnosis: &Diagnosis) -> String {
-    let open = diagnosis.found.iter().any(|found| found.class.len() > 1)
-        || diagnosis.faults.iter().any(|fault| !fault.confounded_with.is_empty());
-    let absent: Vec<&str> = Channel::MEASURED
-        .into_iter()
-        .filter(|&channel| job.train.iter().all(|record| record.channel(channel).is_none()))
+    let effects = diagnosis
+        .found
+        .iter()
+        .filter(|found| found.class.len() > 1)
+        .map(|found| (found.effect.name, &found.class[1..]));
+    let faults = diagnosis
+        .faults
+        .iter()
+        .filter(|fault| !fault.confounded_with.is_empty())
+        .map(|fault| (fault.estimate.parameter.info().name, fault.confounded_with.as_slice()));
+    let open: Vec<String> = effects
+        .chain(faults)
+        .map(|(name, others)| format!("{name} from {}", effects_in_words(others)))
+        .collect();
+    let absent: Vec<&str> = job
+        .rig
+        .measurable()
+        .iter()
+        .filter(|&&channel| job.train.iter().all(|record| record.channel(channel).is_none()))
         .map(|channel| channel.info().column)
         .collect();
-    if open && !absent.is_empty() {
+    let open = open.join("; ");
+    if !open.is_empty() && !absent.is_empty() {
+        format!("measure {} as well: the channels of these records do not tell {open}", absent.join(", "))
+    } else if !open.is_empty() {
         format!(
-            "measure {} as well: the channels of these records do not tell these apart",
-            absent.join(", ")
+            "fly a command with more reversals at low amplitude, and one at high velocity: these records do not tell {open}"
         )
-    } else if open {
-        "fly a command with more reversals at low amplitude, and one at high velocity".to_owned()
     } else if diagnosis.verdict == Verdict::Unexplained {
         "repeat the same command: what repeats with it is in the actuator, what does not is outside"
             .to_owned()

@@ -4,7 +4,7 @@ use super::printouts::{self, Truth};
 use super::{DEFAULT_RIG, FitOptions, Fitted, SUSPECT, converged, fit_records, save_trace};
 use crate::cli::Common;
 use crate::failure::Failure;
-use crate::fit::{self, LoopScore};
+use crate::fit::{self, Bounds, LoopScore};
 use crate::output::{self, SCHEMA, counted, quantity};
 use crate::report::{self, Identified, REPORT_FILE};
 use crate::trace::Trace;
@@ -88,6 +88,7 @@ fn loop_score(fitted: &Fitted) -> Option<LoopScore> {
 fn notes(fitted: &Fitted) -> Vec<String> {
     let fit = &fitted.fit;
     let mut notes = fitted.record_notes.clone();
+    notes.extend(fit::remarks(&fit.estimates, &fitted.ranges, Bounds::Option));
     notes.extend(output::correlation_warnings(fit));
     notes.extend(output::reading_notes(&fitted.rig));
     if fitted.reading_open {

@@ -90,6 +90,7 @@ pub fn commands(common: &Common) -> Result<(), Failure> {
 #[derive(Clone, Debug, clap::Args)]
 pub struct RigsOptions {
     /// A built-in rig or a rig file to show whole, as a rig file.
+    #[arg(id = "rig-to-show", value_name = "NAME|FILE.toml")]
     name: Option<String>,
 }
 

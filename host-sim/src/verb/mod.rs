@@ -5,7 +5,9 @@ pub mod calibrate;
 pub mod check;
 pub mod demo;
 pub mod diagnose;
+mod diagnosis_text;
 mod files;
+mod findings;
 pub mod hil;
 pub mod identify;
 pub mod import;
@@ -19,6 +21,7 @@ use crate::cli::{Common, written_path};
 use crate::failure::Failure;
 use crate::fit::{self, AsRead, Fit, FitSettings, NoiseSource, Prepared, Reading};
 use crate::inspect::screen::{Screened, screen};
+use crate::inspect::setup;
 use crate::interrupt;
 use crate::output;
 use crate::record::{self, Loaded, Mapping, Problem, ReadOptions, Record, RecordError};
@@ -115,7 +118,9 @@ impl InputOptions {
         let mut records = Vec::new();
         for Loaded { record, warnings } in self.load(common, paths)? {
             check_inputs(rig, &record)?;
-            let Screened { record, notes, .. } = screen(rig, &record);
+            let Screened { record, mut notes, .. } = screen(rig, &record);
+            let of_setup = setup::remarks(rig, &record);
+            notes.extend(of_setup.iter().map(|remark| format!("{}: {remark}", record.name())));
             log_warnings(common, &notes);
             records.push(record);
             all_notes.extend(warnings);

@@ -80,29 +80,36 @@ impl Truth {
     }
 }
 
-/// The log of a search: a line for each generation and for each finish.
+/// The log of a search: a line for each generation and for each finish, of one reading of the records after the other.
 pub(super) fn log(fit: &Fit, population: usize) -> Table {
-    let mut header =
-        vec!["generation".to_owned(), "evaluations".to_owned(), "best".to_owned(), "worst".to_owned()];
+    let readings = fit.visits.last().map_or(1, |last| last.reading + 1);
+    let mut header = ["generation", "evaluations", "best", "worst"].map(str::to_owned).to_vec();
+    if readings > 1 {
+        header.insert(0, "reading".to_owned());
+    }
     header.extend(fit.estimates.iter().map(|estimate| estimate.parameter.info().name.to_owned()));
     let mut table = output::table(&header);
     let mut best: Option<&Visit> = None;
     let mut children = 0;
     for visit in &fit.visits {
         children += usize::from(!visit.finish);
-        if best.is_none_or(|best| visit.best < best.best) {
+        if best.is_none_or(|best| visit.reading != best.reading || visit.best < best.best) {
             best = Some(visit);
         }
         if !(visit.finish || children % population.max(1) == 0) {
             continue;
         }
-        let generation = children as f64 / population.max(1) as f64;
+        let generation = children / population.max(1);
         let mut row = vec![
-            if visit.finish { "finish".to_owned() } else { format!("{generation}") },
-            children.to_string(),
+            if visit.finish { "finish".to_owned() } else { generation.to_string() },
+            visit.evaluations.to_string(),
             format!("{:.4}", visit.best.sqrt()),
             format!("{:.4}", visit.worst.sqrt()),
         ];
+        if readings > 1 {
+            let taken = if visit.reading == fit.reading { " (taken)" } else { "" };
+            row.insert(0, format!("{}{taken}", visit.reading + 1));
+        }
         let values = best.map_or(&visit.values, |best| &best.values);
         row.extend(
             fit.estimates

@@ -6,21 +6,19 @@
 
 use super::diagnose::Job;
 use super::files::Files;
+use super::findings::{findings, print_findings};
 use crate::cli::Common;
 use crate::failure::Failure;
-use crate::fit::{self, Fit, FitSettings};
+use crate::fit::{self, Bounds, Fit, FitSettings, Prepared};
 use crate::interrupt;
 use crate::output::{self, SCHEMA};
 use crate::plant::{self, Excitation, Sensing};
 use crate::record::Record;
 use crate::report::{self, Portrait, REPORT_FILE, Reproduced};
 use crate::rig::{BUILT_IN, Rig};
-use crate::thesis::{BKL_BOUNDS, CASES, Case};
+use crate::thesis::{CASES, Case};
 use eha_monitor::channel::Channel;
-use eha_monitor::fit::problem::{Free, Problem};
-use eha_monitor::ga::{Settings as SearchSettings, SteadyState};
-use eha_monitor::integrate::exact::Exact;
-use eha_monitor::model::state::{BASE_ORDER, Outputs};
+use eha_monitor::model::state::Outputs;
 use eha_monitor::model::{Drive, Form};
 use eha_monitor::parameter::Parameter;
 use rayon::prelude::*;
@@ -32,13 +30,10 @@ const SAMPLES: usize = 1001;
 /// Their period, s.
 const SAMPLE_PERIOD: f64 = 1e-3;
 /// Weights of the channels that are compared: the noise of the sensors that the design assumes.
-const NOISE: [f64; 4] = [fit::TYPICAL_NOISE[0], f64::INFINITY, fit::TYPICAL_NOISE[2], f64::INFINITY];
+pub(super) const NOISE: [f64; 4] =
+    [fit::TYPICAL_NOISE[0], f64::INFINITY, fit::TYPICAL_NOISE[2], f64::INFINITY];
 /// Longest step of the HF model, s.
 const PLANT_STEP: f64 = 1e-6;
-/// Seeds of each row of the table of findings.
-const SEEDS: u64 = 15;
-/// Evaluations of each search in the table of findings.
-const SEARCH_BUDGET: u32 = 400;
 
 /// Name of the result in the directory of `--out`.
 const RESULT_FILE: &str = "reproduce.json";
@@ -74,10 +69,11 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         .filter(|_| !interrupt::requested())
         .map(|case| {
             let record = record(case.command, case.bkl, case.fdj, !options.lf_data)?;
-            let before = identify(common.seed, case, &record, &monitor);
-            let after = augmented.as_ref().map(|rig| identify(common.seed, case, &record, rig));
+            let prepared = prepare(augmented.as_ref().unwrap_or(&monitor), &record);
+            let before = identify(common.seed, case, &prepare(&monitor, &record), &monitor);
+            let after = augmented.as_ref().map(|rig| identify(common.seed, case, &prepared, rig));
             bar.inc(1);
-            Ok(Outcome { case: *case, before, after })
+            Ok(Outcome { case: *case, record, prepared, before, after })
         })
         .collect::<Result<_, Failure>>()?;
     bar.finish_and_clear();
@@ -99,15 +95,20 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
                     "median_error_percent": finding.median, "worst_error_percent": finding.worst })
         })
         .collect();
+    let warnings: Vec<String> = results.iter().flat_map(Outcome::warnings).collect();
+    let rig = augmented.as_ref().unwrap_or(&monitor);
     let result = json!({
-        "schema": SCHEMA, "cases": cases, "added_effects": effects, "findings": findings_json, "seconds": seconds, "seed": common.seed,
-        "config": { "version": env!("CARGO_PKG_VERSION"), "seed": common.seed, "rig": common.rig, "data": if options.lf_data { "lf" } else { "hf" },
-                    "samples": SAMPLES, "plant_step_s": PLANT_STEP, "channels": ["lvdt_m", "current_mA"] },
+        "schema": SCHEMA, "cases": cases, "added_effects": effects, "findings": findings_json, "warnings": warnings,
+        "seconds": seconds, "seed": common.seed,
+        "config": { "version": env!("CARGO_PKG_VERSION"), "seed": common.seed, "rig": common.rig.as_ref().unwrap_or(&rig.name),
+                    "data": if options.lf_data { "lf" } else { "hf" },
+                    "samples": SAMPLES, "plant_step_s": PLANT_STEP, "channels": ["lvdt_m", "current_mA"],
+                    "search": { "population": CASES.map(|case| case.population), "budget": FitSettings::default().budget } },
     });
     let portraits = if common.out.is_some() { portraits()? } else { Vec::new() };
     let saved = output::save_result(common, RESULT_FILE, &result, || {
-        let cases: Vec<Reproduced> = results.iter().map(Outcome::in_report).collect();
-        report::reproduction(&cases, &portraits, &result)
+        let cases: Vec<Reproduced<'_>> = results.iter().map(Outcome::in_report).collect();
+        report::reproduction(&cases, rig, &portraits, &result)
     });
     if common.json {
         output::print_json(&result)?;
@@ -126,6 +127,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     if !findings.is_empty() {
         print_findings(&findings)?;
     }
+    warnings.iter().try_for_each(|warning| output::print(&format!("note: {warning}")))?;
     output::print(&format!(
         "total {seconds:.2} s (the source: 3532 to 10208 s for one case); seed {}",
         common.seed
@@ -135,7 +137,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
 }
 
 /// Noise-free record of the source's actuator.
-fn record(command: &str, bkl: f64, fdj: f64, high_fidelity: bool) -> Result<Record, Failure> {
+pub(super) fn record(command: &str, bkl: f64, fdj: f64, high_fidelity: bool) -> Result<Record, Failure> {
     let (excitation, outputs, form) = fly(command, bkl, fdj, high_fidelity)?;
     plant::record(command, form, &excitation, &outputs, &Sensing::default(), 0)
 }
@@ -156,10 +158,14 @@ fn fly(
     Ok((excitation, outputs, rig.form))
 }
 
-fn identify(seed: u64, case: &Case, record: &Record, rig: &Rig) -> Fit {
-    let prepared = [fit::prepare_with(rig, record, NOISE)];
+/// The record as it is fitted.
+fn prepare(rig: &Rig, record: &Record) -> [Prepared; 1] {
+    [fit::prepare_with(rig, record, NOISE)]
+}
+
+fn identify(seed: u64, case: &Case, prepared: &[Prepared], rig: &Rig) -> Fit {
     let settings = FitSettings { seed, population: case.population, ..FitSettings::default() };
-    fit::fit(rig, &case.ranges(), &prepared, &settings, |_| {})
+    fit::fit(rig, &case.ranges(), prepared, &settings, |_| {})
 }
 
 fn faults(fit: &Fit) -> (f64, f64) {
@@ -170,6 +176,9 @@ fn faults(fit: &Fit) -> (f64, f64) {
 /// What became of a case.
 struct Outcome {
     case: Case,
+    record: Record,
+    /// As the last of the fits took it.
+    prepared: [Prepared; 1],
     before: Fit,
     after: Option<Fit>,
 }
@@ -180,9 +189,25 @@ impl Outcome {
         self.case.mean_error_percent(bkl, fdj)
     }
 
-    fn in_report(&self) -> Reproduced {
-        let pair = |fit: &Fit| <[f64; 2]>::from(faults(fit));
-        Reproduced { case: self.case, before: pair(&self.before), after: self.after.as_ref().map(pair) }
+    fn in_report(&self) -> Reproduced<'_> {
+        Reproduced {
+            case: self.case,
+            record: &self.record,
+            prepared: &self.prepared,
+            before: &self.before,
+            after: self.after.as_ref(),
+        }
+    }
+
+    /// What the user should know of its fits.
+    fn warnings(&self) -> Vec<String> {
+        let fits = [("before", Some(&self.before)), ("after", self.after.as_ref())];
+        let of_fit = |(when, fit): (&str, Option<&Fit>)| -> Vec<String> {
+            let remarks =
+                fit::remarks(fit.iter().flat_map(|fit| &fit.estimates), &self.case.ranges(), Bounds::Source);
+            remarks.iter().map(|remark| format!("case {}, {when}: {remark}", self.case.number)).collect()
+        };
+        fits.into_iter().flat_map(of_fit).collect()
     }
 
     fn json(&self) -> Value {
@@ -305,115 +330,5 @@ fn print_cases(results: &[Outcome]) -> Result<(), Failure> {
         ]);
         table.add_row(row);
     }
-    output::print(&table.to_string())
-}
-
-/// One row of the table of findings.
-struct Finding {
-    question: &'static str,
-    setting: &'static str,
-    median: f64,
-    worst: f64,
-}
-
-/// How a search of the table of findings differs from the plain one.
-#[derive(Clone, Copy)]
-struct Variant {
-    question: &'static str,
-    setting: &'static str,
-    command: &'static str,
-    fdj_bounds: [f64; 2],
-    population: usize,
-    raw_genes: bool,
-}
-
-/// The source's findings about its search, put to ours: the genetic algorithm alone, without the Gauss-Newton finish,
-/// on noise-free LF data of one mixed fault.
-fn findings(seed: u64) -> Result<Vec<Finding>, Failure> {
-    let plain = Variant {
-        question: "command",
-        setting: "chirp",
-        command: "chirp",
-        fdj_bounds: [200.0, 4000.0],
-        population: 20,
-        raw_genes: false,
-    };
-    let variants = [
-        plain,
-        Variant { setting: "mixed", command: "mixed", ..plain },
-        Variant { question: "bounds of FDJ", setting: "wide, 200 to 4000 N", ..plain },
-        Variant {
-            question: "bounds of FDJ",
-            setting: "narrow, 200 to 900 N",
-            fdj_bounds: [200.0, 900.0],
-            ..plain
-        },
-        Variant { question: "population", setting: "20", ..plain },
-        Variant { question: "population", setting: "40", population: 40, ..plain },
-        Variant { question: "population", setting: "50", population: 50, ..plain },
-        Variant { question: "genes", setting: "normalised", ..plain },
-        Variant { question: "genes", setting: "raw (one mutation step for both)", raw_genes: true, ..plain },
-    ];
-    variants.par_iter().map(|variant| variant.judge(seed)).collect()
-}
-
-impl Variant {
-    fn judge(&self, first_seed: u64) -> Result<Finding, Failure> {
-        let case = Case { bkl: 2e-4, fdj: 800.0, fdj_bounds: self.fdj_bounds, ..CASES[1] };
-        let record = record(self.command, case.bkl, case.fdj, false)?;
-        let rig: Rig = (BUILT_IN[0].make)();
-        let prepared = fit::prepare_with(&rig, &record, NOISE);
-        let free: Vec<Free<f64>> = case
-            .ranges()
-            .iter()
-            .map(|range| Free { parameter: range.parameter, lower: range.lower, upper: range.upper })
-            .collect();
-        let records = [prepared.as_core()];
-        let problem = Problem { form: rig.form, parameters: rig.parameters, free: &free, records: &records };
-        let mut stepper = Exact::<f64, BASE_ORDER, 32>::new();
-        let mut errors: Vec<f64> = (0..SEEDS)
-            .map(|index| {
-                let seed = first_seed.wrapping_add(index);
-                let settings = SearchSettings { population: self.population, ..SearchSettings::default() };
-                let mut search =
-                    SteadyState::<f64, 2, { fit::MAX_POPULATION }>::new(settings, free.len(), seed);
-                if self.raw_genes {
-                    // A step that suits the friction (thousands) throws the backlash (thousandths) across its range.
-                    let ratio = (case.fdj_bounds[1] - case.fdj_bounds[0]) / (BKL_BOUNDS[1] - BKL_BOUNDS[0]);
-                    search.set_mutation_scale(0, ratio);
-                }
-                for _ in 0..SEARCH_BUDGET {
-                    let genes = search.ask();
-                    search.tell(problem.misfit(&genes, &mut stepper).mean_square());
-                }
-                let genes = search.best().map_or([0.0; 2], |(genes, _)| *genes);
-                case.mean_error_percent(free[0].value(genes[0]), free[1].value(genes[1]))
-            })
-            .collect();
-        errors.sort_by(f64::total_cmp);
-        Ok(Finding {
-            question: self.question,
-            setting: self.setting,
-            median: errors[errors.len() / 2],
-            worst: errors[errors.len() - 1],
-        })
-    }
-}
-
-fn print_findings(findings: &[Finding]) -> Result<(), Failure> {
-    let mut table = output::table(["what the source varied", "setting", "median error %", "worst error %"]);
-    for finding in findings {
-        table.add_row([
-            finding.question.to_owned(),
-            finding.setting.to_owned(),
-            format!("{:.3}", finding.median),
-            format!("{:.3}", finding.worst),
-        ]);
-    }
-    output::print(&format!(
-        "genetic algorithm alone, {SEARCH_BUDGET} evaluations, {SEEDS} seeds, LF data with BKL 0.2 mm and FDJ 800 N, {} and {}:",
-        Channel::UserPosition.info().column,
-        Channel::Current.info().column
-    ))?;
     output::print(&table.to_string())
 }

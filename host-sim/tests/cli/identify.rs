@@ -206,3 +206,39 @@ fn out_writes_what_json_prints() {
     let written: Value = serde_json::from_str(&bench.read("new/results/identify.json")).expect("JSON");
     assert_eq!(written, run.json());
 }
+
+#[test]
+fn the_log_ends_where_the_summary_does() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    bench.simulate("hf.csv", &[]);
+    for name in ["record.csv", "hf.csv"] {
+        let arguments = ["identify", name, "--log", "--budget", "200"];
+        let text = bench.run(&arguments).stdout;
+        let log: Vec<Vec<&str>> = text
+            .lines()
+            .take_while(|line| line.starts_with('|'))
+            .map(|line| line.split('|').map(str::trim).filter(|cell| !cell.is_empty()).collect())
+            .collect();
+        let column = |name: &str| log[0].iter().position(|cell| *cell == name).expect("a column");
+        let last = |name: &str| {
+            log.iter().filter_map(|row| row.get(column(name))?.parse::<usize>().ok()).next_back()
+        };
+        let result = bench.run(&[&arguments[..], &["--json"]].concat()).json();
+        for (name, member) in [("evaluations", "evaluations"), ("generation", "generations")] {
+            assert_eq!(last(name).map(Value::from), Some(result[member].clone()), "{name}: {text}");
+        }
+        assert!(text.contains("(taken)"), "{text}");
+    }
+}
+
+#[test]
+fn an_estimate_on_a_bound_is_said_to_be() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    let arguments = ["identify", "record.csv", "--bounds", "fdj=1000..2000", "--out", "."];
+    let text = bench.run(&arguments).done().stdout;
+    let note = "fdj is at its lower bound (1000.000 N): widen its range with `--bounds fdj=0..2000`";
+    assert!(text.contains(note), "{text}");
+    assert!(bench.read("identify.json").contains(note) && bench.read("report.html").contains(note));
+}

@@ -48,3 +48,16 @@ fn an_axis_that_a_force_drives_is_calibrated() {
         assert!((value / published - 1.0).abs() < tolerance, "{name}: {value}, published {published}");
     }
 }
+
+#[test]
+fn what_an_open_loop_will_leave_is_foreseen() {
+    let Some(record) = measured_data::file("emps/estimation.csv") else { return };
+    let record = record.to_str().expect("a path in UTF-8");
+    let bench = Bench::new();
+    let json = |verb: &str| bench.run(&[verb, record, "--rig", "force-axis", "--json"]).done().json();
+    let found = number(&named(&json("identify")["faults"], "fdj")["standard_error"]);
+    let check = json("check");
+    let promised = number(&named(&check["records"][0]["foreseen"][0]["faults"], "fdj")["standard_error"]);
+    assert!((promised / found).ln().abs() < 1.5_f64.ln(), "{promised} N foreseen, {found} N found");
+    assert!(check["records"][0]["notes"].to_string().contains("an open loop"), "{check}");
+}

@@ -1,6 +1,7 @@
 //! Completions and manual pages, from the command line itself.
 
 use super::harness::{Bench, USAGE};
+use std::process::Command;
 
 #[test]
 fn completions_know_verbs_and_options() {
@@ -12,6 +13,47 @@ fn completions_know_verbs_and_options() {
         }
     }
     bench.run(&["completions", "bahs"]).refused(USAGE, &["bash"]);
+}
+
+/// What bash offers for the last of some words, by the program's script.
+fn offered(bench: &Bench, words: &[&str]) -> Vec<String> {
+    let script = r#"source "$1"; shift; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); function_name=$(complete -p host-sim)
+        function_name=${function_name#*-F }; function_name=${function_name%% *}
+        compopt() { :; }; $function_name host-sim "${COMP_WORDS[COMP_CWORD]}" "${COMP_WORDS[COMP_CWORD - 1]}"
+        printf '%s\n' "${COMPREPLY[@]}""#;
+    let output = Command::new("bash")
+        .args(["--norc", "-c", script, "bash", "completions", "host-sim"])
+        .args(words)
+        .current_dir(bench.path("."))
+        .output()
+        .expect("bash runs");
+    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8_lossy(&output.stdout);
+    text.lines().filter(|line| !line.is_empty()).map(str::to_owned).collect()
+}
+
+#[test]
+fn bash_completes_verbs_options_and_names() {
+    let bench = Bench::new();
+    bench.write("completions", &bench.run(&["completions", "bash"]).done().stdout);
+    for (words, expected) in [
+        (&["ide"][..], &["identify"][..]),
+        (&["--json", "ide"], &["identify"]),
+        (&["identify", "--po"], &["--population"]),
+        (&["diagnose", "record.csv", "--hold"], &["--holdout"]),
+        (&["identify", "--rig", "e"], &["eha"]),
+        (&["rigs", "force"], &["force-axis"]),
+        (&["simulate", "--command", "chirp"], &["chirp", "chirp-low"]),
+        (&["hil", "--command", "st"], &["step"]),
+        (&["simulate", "--effect", "spool-o"], &["spool-overlap="]),
+        (&["identify", "--bounds", "bk"], &["bkl="]),
+        (&["simulate", "--noise", "cur"], &["current_mA="]),
+        (&["simulate", "--channels", "ram"], &["ram_m"]),
+        // No built-in rig: bash itself offers files then.
+        (&["identify", "--rig", "machine/"], &[]),
+    ] {
+        assert_eq!(offered(&bench, words), expected, "{words:?}");
+    }
 }
 
 #[test]

@@ -86,13 +86,18 @@ impl Defects {
                 count => format!("{count} {many} from {first} to {last} s"),
             })
         };
-        let defects =
-            [some(&self.spikes, "spike", "spikes"), some(&self.stuck, "stuck sample", "stuck samples")];
+        let is_measured = self.channel.info().role == ChannelRole::Measured;
+        let stuck = if is_measured {
+            some(&self.stuck, "stuck sample", "stuck samples")
+        } else {
+            some(&self.stuck, "repeated value", "repeated values")
+        };
+        let defects = [some(&self.spikes, "spike", "spikes"), stuck];
         let defects: Vec<String> = defects.into_iter().flatten().collect();
         let fate = match self.channel.info().role {
             _ if self.is_usual(record) => "too many to leave out",
             ChannelRole::Measured => "left out of every fit",
-            _ => "lost in the sensors too, bridged",
+            _ => "bridged, and left out of the sensors as well",
         };
         let lost = (!defects.is_empty()).then(|| format!("{}: {fate}", defects.join(", ")));
         let flown = some(&self.flown, "spike", "spikes")
@@ -394,7 +399,8 @@ mod tests {
             // What the command bends by over two samples.
             assert!((mended - flown).abs() < 0.5 * 4e-3 * (31.5_f64 * 1e-3).powi(2), "{mended} {flown}");
         }
-        let expected = "bad: command_m: 2 spikes from 0.31 to 0.705 s: lost in the sensors too, bridged";
+        let expected =
+            "bad: command_m: 2 spikes from 0.31 to 0.705 s: bridged, and left out of the sensors as well";
         assert!(notes.iter().any(|note| note == expected), "{notes:?}");
         // A position that goes on says nothing of a bad word.
         let alone = changed(&record, Channel::Command, |values| values[310] += 3e-4);
@@ -429,8 +435,7 @@ mod tests {
                 assert_eq!(left[sample].is_nan(), is_lost, "{} {sample}", channel.info().column);
             }
         }
-        let expected =
-            "again: command_m: 3 stuck samples from 0.4 to 0.9 s: lost in the sensors too, bridged";
+        let expected = "again: command_m: 3 repeated values from 0.4 to 0.9 s: bridged, and left out of the sensors as well";
         assert!(notes.len() == 5 && notes.iter().any(|note| note == expected), "{notes:?}");
         // Everything read every other time: the command goes in lines, and the sensors have half of their samples.
         let slow = again(2).record;

@@ -3,7 +3,6 @@
 use super::runs;
 use super::spikes::{STEPS, after, before, steps};
 use crate::fit;
-use crate::inspect::range;
 use std::f64::consts::PI;
 use std::ops::Range;
 
@@ -51,7 +50,7 @@ pub(super) fn filled(values: &[f64], model_error: f64) -> Vec<usize> {
     let by_chance = straight.iter().filter(|run| run.end < values.len()).count() as f64 + 1.0;
     // So many in a row are in none of 10,000 records, if each is as likely as a run of them is.
     let longest_by_chance = (CHANCE / count).ln() / (by_chance / count).ln();
-    let [low, high] = range(values);
+    let [low, high] = fit::extent(values);
     let is_limit = |value: f64| value == low || value == high;
     let is_filled = |run: &Range<usize>| {
         let [from, to] = [values[run.start], values[run.end - 1]];

@@ -1,0 +1,210 @@
+//! Errors of a set-up that no actuator makes up for: another unit, sign or column, a sensor at its end.
+//!
+//! Each is told by a ratio that physics bounds: how far a channel moves against what the model, at the rig's values,
+//! says of it. Faults change that by less than the limits here, a wrong unit by more.
+
+use super::likeness::{correlation, likeness, response};
+use crate::fit;
+use crate::record::Record;
+use crate::record::units::units_of;
+use crate::rig::Rig;
+use eha_monitor::channel::{Channel, ChannelRole};
+use eha_monitor::model::Drive;
+use eha_monitor::parameter::Parameter;
+use std::iter;
+
+/// Correlation from which on two series are the same motion, and below which they are not.
+const ALIKE: f64 = 0.9;
+const UNLIKE: f64 = 0.5;
+/// Part by which a position may be beyond the stop of the jack: what its sensor's gain may be off.
+const BEYOND: f64 = 0.01;
+/// Part by which a ratio may differ from that of two units: what faults and an unknown gain make of it.
+const ABOUT: f64 = 0.2;
+/// Millimetres of an inch: a column of millimetres that was taken for inches.
+const INCH: f64 = 25.4;
+/// Samples by which a position must be ahead of its command: a clock that is one off is another matter.
+const AHEAD: f64 = 2.0;
+
+/// How many times as far as its model a channel may move, or as little.
+const fn most(channel: Channel) -> f64 {
+    match channel {
+        // A loop goes where it is told to; where its current is at the limit, the model's is as well.
+        Channel::UserPosition | Channel::RamPosition => 3.0,
+        // The current is the speed over the gain of the valve, whatever the friction.
+        Channel::Current => 30.0,
+        // The pressure carries the friction, of which faults make twenty times as much.
+        _ => 100.0,
+    }
+}
+
+/// What the user should look at before anything is fitted.
+pub(crate) fn remarks(rig: &Rig, record: &Record) -> Vec<String> {
+    [clipped(rig, record), beyond_stop(rig, record), ahead(rig, record), against_model(rig, record)].concat()
+}
+
+/// Sensors that end within the motion.
+fn clipped(rig: &Rig, record: &Record) -> Vec<String> {
+    let sensors = record.channels().filter(|(channel, _)| channel.info().role == ChannelRole::Measured);
+    let limit = rig.parameters.current_limit;
+    // The controller has a limit of its own, and the model knows it.
+    let is_limit = |channel: Channel, values: &[f64]| {
+        channel == Channel::Current
+            && fit::extent(values).iter().any(|end| (end.abs() / limit - 1.0).abs() < BEYOND)
+    };
+    // Where the command rests, the actuator may.
+    let command = record.channel(Channel::Command).unwrap_or_default();
+    let moves = |sample: usize| sample > 0 && command.get(sample) != command.get(sample - 1);
+    sensors
+        .filter(|(channel, values)| !is_limit(*channel, values))
+        .filter_map(|(channel, values)| {
+            let ends = fit::at_ends(values);
+            let resting = (0..ends.len()).filter(|&sample| ends[sample] && moves(sample)).count();
+            let share = resting as f64 / values.len().max(1) as f64;
+            (share > fit::CLIPPED).then(|| {
+                format!(
+                    "{} is at its smallest or largest value in {:.1} % of the samples, while the command moves: is it clipped?",
+                    channel.info().column,
+                    share * 100.0
+                )
+            })
+        })
+        .collect()
+}
+
+/// Positions where the jack cannot be.
+fn beyond_stop(rig: &Rig, record: &Record) -> Vec<String> {
+    let stop = rig.parameters.jack_stop;
+    let is_position = |channel: Channel| channel.info().unit == "m";
+    record
+        .channels()
+        .filter(|(channel, _)| is_position(*channel))
+        .filter_map(|(channel, values)| {
+            let [low, high] = fit::extent(values);
+            let furthest = if -low > high { low } else { high };
+            (furthest.abs() > (1.0 + BEYOND) * stop).then(|| {
+                format!(
+                    "{} reaches {furthest:.4} m, the jack's stop is at {stop} m (`jack_stop` of the rig): is it in another \
+                     unit?",
+                    channel.info().column
+                )
+            })
+        })
+        .collect()
+}
+
+/// A position that is ahead of its command.
+fn ahead(rig: &Rig, record: &Record) -> Vec<String> {
+    if rig.form.drive != Drive::Valve {
+        return Vec::new();
+    }
+    let [position, command] =
+        [Channel::UserPosition, Channel::Command].map(|of| record.channel(of).unwrap_or_default());
+    let period = record.sample_period_s();
+    let forward = likeness(position, command, period);
+    let falls = forward.first().zip(forward.get(1)).is_some_and(|(now, next)| now > next);
+    let backward = response(&likeness(command, position, period), period)
+        .filter(|back| falls && back.delay_s >= AHEAD * period && back.correlation > ALIKE.max(forward[0]));
+    backward
+        .into_iter()
+        .map(|back| {
+            format!("lvdt_m is {:.1} ms ahead of command_m: are their columns swapped?", back.delay_s * 1e3)
+        })
+        .collect()
+}
+
+/// A measured channel, and what stands beside it: the model's, or the command where no loop is known.
+struct Beside<'a> {
+    channel: Channel,
+    measured: &'a [f64],
+    model: Vec<f64>,
+}
+
+/// The measured channels that the model, at the rig's values, says something of.
+fn beside<'a>(rig: &Rig, record: &'a Record) -> Vec<Beside<'a>> {
+    let measured = rig.measurable().iter().filter_map(|&channel| Some((channel, record.channel(channel)?)));
+    if rig.form.drive == Drive::Force && rig.controller.is_none() {
+        // An open loop follows the record, whatever it is.
+        let command = record.channel(Channel::Command).unwrap_or_default();
+        return measured
+            .map(|(channel, measured)| Beside { channel, measured, model: command.to_vec() })
+            .collect();
+    }
+    let prepared = fit::prepare_with(rig, record, fit::noise_of(rig, record));
+    let outputs = fit::glimpse(rig, &[prepared]).concat();
+    // With an unknown gain of the controller goes an unknown current.
+    let is_unknown = |channel: Channel| {
+        channel == Channel::Current
+            && rig.free.iter().any(|range| range.parameter == Parameter::ProportionalGain)
+    };
+    iter::zip(Channel::MEASURED, 0..)
+        .filter_map(|(channel, index): (Channel, usize)| {
+            let measured = record.channel(channel).filter(|_| !is_unknown(channel))?;
+            let model = outputs.iter().map(|output| output.to_array()[index]).collect();
+            Some(Beside { channel, measured, model })
+        })
+        .collect()
+}
+
+/// Channels whose sign, size or name is another one.
+fn against_model(rig: &Rig, record: &Record) -> Vec<String> {
+    let all = beside(rig, record);
+    let mut found = Vec::new();
+    let mut swapped = Vec::new();
+    for (place, one) in all.iter().enumerate() {
+        for other in &all[place + 1..] {
+            let own = [one, other].map(|of| correlation(of.measured, &of.model).abs());
+            let crossed = [correlation(one.measured, &other.model), correlation(other.measured, &one.model)]
+                .map(f64::abs);
+            if own.into_iter().all(|own| own < UNLIKE) && crossed.into_iter().all(|crossed| crossed > ALIKE) {
+                let [one, other] = [one.channel, other.channel];
+                swapped.extend([one, other]);
+                found.push(format!("{} and {} look swapped", one.info().column, other.info().column));
+            }
+        }
+    }
+    found.extend(all.iter().filter(|one| !swapped.contains(&one.channel)).filter_map(Beside::remark));
+    found
+}
+
+impl Beside<'_> {
+    fn remark(&self) -> Option<String> {
+        let column = self.channel.info().column;
+        let alike = correlation(self.measured, &self.model);
+        if alike < -UNLIKE {
+            return Some(format!(
+                "{column} goes the other way than it is told to (correlation {alike:.2}): is its sign another one? \
+                 `--columns {column}=NAME*-1`"
+            ));
+        }
+        // The slope of the line through one over the other.
+        let ratio = alike * spread(self.measured, &self.model) / spread(&self.model, self.measured);
+        let most = most(self.channel);
+        if alike < UNLIKE || !ratio.is_finite() || (most.recip()..=most).contains(&ratio) {
+            return None;
+        }
+        let is_about = |other: f64| (ratio / other - 1.0).abs() < ABOUT;
+        let in_unit = units_of(self.channel.info()).find(|unit| is_about(unit.factor.recip()));
+        let source = match in_unit {
+            Some(unit) => format!("NAME[{}]", unit.symbol),
+            None if is_about(INCH) => format!("NAME*{:.5}", INCH.recip()),
+            None => format!("NAME*{:.3e}", ratio.recip()),
+        };
+        let times = if ratio > 1.0 {
+            format!("{ratio:.1} times more")
+        } else {
+            format!("{:.1} times less", ratio.recip())
+        };
+        Some(format!(
+            "{column} moves {times} than the rig foresees: is it in another unit? `--columns {column}={source}`"
+        ))
+    }
+}
+
+/// Standard deviation of a series where another one has its samples.
+fn spread(values: &[f64], others: &[f64]) -> f64 {
+    let common =
+        || iter::zip(values, others).filter(|(a, b)| a.is_finite() && b.is_finite()).map(|(a, _)| *a);
+    let count = common().count().max(1) as f64;
+    let mean = common().sum::<f64>() / count;
+    (common().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt()
+}

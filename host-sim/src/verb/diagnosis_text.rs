@@ -1,0 +1,131 @@
+//! A diagnosis as text.
+
+use super::diagnose::{Answer, Job};
+use crate::diagnose::Diagnosis;
+use crate::fit::{Estimate, LoopScore};
+use crate::output::{self, effects_in_words};
+use crate::report::{OfParts, PARTS};
+use comfy_table::Table;
+use serde_json::Value;
+use std::fmt::Write as _;
+
+impl Job<'_> {
+    /// The errors of an axis whose controller is known.
+    fn closed_loop_text(&self, loops: &OfParts<LoopScore>, text: &mut String) {
+        if loops.iter().all(Option::is_none) {
+            return;
+        }
+        let window =
+            self.rig.restart_s.map_or(String::new(), |seconds| format!("; open loop over {seconds} s"));
+        let _ = writeln!(text, "\nforce in closed loop, error over recorded{window}:");
+        for (part, scores) in PARTS.into_iter().zip(loops) {
+            for (when, score) in ["before", "after"].into_iter().zip(scores.iter().flatten()) {
+                let open = score
+                    .open_loop_rms
+                    .map_or(String::new(), |rms| format!("{:>15}", output::quantity(rms, "m")));
+                let _ = writeln!(text, "  {part:<17} {when:<7}{:>8.2} %{open}", score.force_error * 100.0);
+            }
+        }
+    }
+
+    /// All of it.
+    pub(super) fn text(&self, answer: &Answer) -> String {
+        let Answer { diagnosis, loops, result } = answer;
+        let mut text = String::new();
+        let um = |value: f64| format!("{:.3} um", value * 1e6);
+        let _ = writeln!(text, "verdict: {}", diagnosis.verdict.name());
+        for found in &diagnosis.found {
+            let sizes: Vec<String> = found
+                .estimates
+                .iter()
+                .map(|estimate| {
+                    let info = estimate.parameter.info();
+                    let q = |value| output::quantity(value, info.unit);
+                    format!(
+                        "{} = {} ({} to {})",
+                        info.name,
+                        q(estimate.value),
+                        q(estimate.ci95[0]),
+                        q(estimate.ci95[1])
+                    )
+                })
+                .collect();
+            let what = if found.named { "effect" } else { "empirical term (not a name for what is there)" };
+            let _ = writeln!(
+                text,
+                "{what}: {}: {}; {}",
+                found.effect.name,
+                found.effect.equation,
+                sizes.join(", ")
+            );
+            if found.class.len() > 1 {
+                let names = effects_in_words(&found.class[1..]);
+                let _ = writeln!(text, "  these records cannot tell it from: {names}");
+            }
+        }
+        let _ = writeln!(text, "\nerror of the user position (noise {}):", um(diagnosis.noise[0]));
+        let scores = [Some(diagnosis.train), diagnosis.holdout];
+        let largest = scores.iter().flatten().flatten().map(|score| score.position_rms).fold(0.0, f64::max);
+        for (part, scores) in PARTS.into_iter().zip(scores) {
+            for (when, score) in ["before", "after"].into_iter().zip(scores.iter().flatten()) {
+                let length = (score.position_rms / largest * 40.0).round().max(1.0) as usize;
+                let _ = writeln!(
+                    text,
+                    "  {part:<17} {when:<7}{:>12}  {}",
+                    um(score.position_rms),
+                    "#".repeat(length)
+                );
+            }
+        }
+        self.closed_loop_text(loops, &mut text);
+        for table in tables(diagnosis) {
+            let _ = writeln!(text, "\n{table}");
+        }
+        if let Some(left) = &diagnosis.left {
+            let [from, to] = left.active;
+            let _ = write!(text, "what is left: half of its energy lies between {from:.3} and {to:.3} s");
+            if let Some((name, correlation)) = left.follows {
+                let _ = write!(text, "; it follows {name} (correlation {correlation:.2})");
+            }
+            if let Some((frequency, share)) = left.tone {
+                let _ = write!(text, "; {:.0} % of it is a tone at {frequency:.1} Hz", share * 100.0);
+            }
+            let _ = writeln!(text);
+        }
+        for warning in result["warnings"].as_array().into_iter().flatten().filter_map(Value::as_str) {
+            let _ = writeln!(text, "note: {warning}");
+        }
+        if let Some(next) = result["next_experiment"].as_str().filter(|next| !next.is_empty()) {
+            let _ = writeln!(text, "next: {next}");
+        }
+        let _ = writeln!(
+            text,
+            "{:.2} s, seed {}",
+            result["seconds"].as_f64().unwrap_or(f64::NAN),
+            self.common.seed
+        );
+        text
+    }
+}
+
+/// The faults and the other free parameters, as far as there are any.
+fn tables(diagnosis: &Diagnosis) -> impl Iterator<Item = Table> {
+    let row = |before: &Estimate, after: &Estimate| {
+        let info = after.parameter.info();
+        let q = |value| output::quantity(value, info.unit);
+        let [lower, upper] = after.ci95.map(q);
+        vec![info.name.to_owned(), q(before.value), q(after.value), format!("{lower} to {upper}")]
+    };
+    let (faults_before, free_before) = diagnosis.before.estimates.split_at(diagnosis.faults.len());
+    let mut faults = output::table(["fault", "before", "after", "95 % interval", "mixed up with"]);
+    for (fault, before) in diagnosis.faults.iter().zip(faults_before) {
+        let names = effects_in_words(&fault.confounded_with);
+        let names = if names.is_empty() { "-".to_owned() } else { names };
+        faults.add_row([row(before, &fault.estimate), vec![names]].concat());
+    }
+    let mut free = output::table(["free parameter", "before", "after", "95 % interval"]);
+    for (after, before) in diagnosis.free.iter().zip(free_before) {
+        free.add_row(row(before, after));
+    }
+    [faults, free].into_iter().filter(|table| !table.is_empty())
+}
