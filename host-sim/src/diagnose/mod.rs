@@ -118,6 +118,8 @@ pub struct Fault {
 pub struct Diagnosis {
     /// Verdict.
     pub verdict: Verdict,
+    /// Was it interrupted? What was not tried by then is not ruled out.
+    pub interrupted: bool,
     /// The faults before any effect was added.
     pub before: Fit,
     /// The declared faults at the end.
@@ -150,6 +152,12 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
+    /// The verdict for a person.
+    pub fn verdict_in_words(&self) -> String {
+        let so_far = self.interrupted && self.verdict == Verdict::Unexplained;
+        format!("{}{}", self.verdict.name(), if so_far { " so far (interrupted)" } else { "" })
+    }
+
     /// Widens the intervals to hold those of the same model on another path of the command, which may be it as well.
     fn hold(&mut self, others: &[Estimate]) {
         let of_faults = self.faults.iter_mut().map(|fault| &mut fault.estimate);
@@ -598,6 +606,7 @@ fn conclude(case: &Case<'_>, before: Fit, best: &Hypothesis, earned: &[Earned], 
     let scores = |records: &[Prepared]| [score(&bare, records), score(&best.rig, records)];
     Diagnosis {
         verdict,
+        interrupted: interrupt::requested(),
         faults,
         free: estimates[case.rig.faults.len()..before.estimates.len()].to_vec(),
         found,

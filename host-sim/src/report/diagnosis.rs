@@ -77,10 +77,10 @@ pub(crate) fn diagnosis(case: &Diagnosed<'_>) -> String {
     sections.push(("What is left", residual::tests(&fitted, 0, diagnosis.noise[0])));
     sections
         .push(("Search for the declared faults, before", before_search(diagnosis, case.rig, &ranges, train)));
-    let (class, verdict) = badge(diagnosis.verdict);
+    let verdict = diagnosis.verdict_in_words();
     Page {
         title: "Diagnosis",
-        badge: Some((class, verdict)),
+        badge: Some((badge(diagnosis.verdict), &verdict)),
         summary: summary(diagnosis),
         tiles: tiles(diagnosis),
         sections,
@@ -96,11 +96,12 @@ fn before_search(diagnosis: &Diagnosis, rig: &Rig, ranges: &[Range], train: &[Pr
     }
 }
 
-const fn badge(verdict: Verdict) -> (&'static str, &'static str) {
+/// Class of the badge of a verdict.
+const fn badge(verdict: Verdict) -> &'static str {
     match verdict {
-        Verdict::Adequate => ("after", verdict.name()),
-        Verdict::Explained => ("model", verdict.name()),
-        Verdict::Unexplained => ("before", verdict.name()),
+        Verdict::Adequate => "after",
+        Verdict::Explained => "model",
+        Verdict::Unexplained => "before",
     }
 }
 
@@ -112,6 +113,10 @@ fn summary(diagnosis: &Diagnosis) -> String {
         }
         Verdict::Explained => {
             format!("With {}, the model explains the records down to the noise.", found.join(" and "))
+        }
+        Verdict::Unexplained if diagnosis.interrupted => {
+            "Interrupted: what was tried by then does not explain the records. What was not is not ruled out."
+                .to_owned()
         }
         Verdict::Unexplained if found.is_empty() => {
             let terms = if diagnosis.found.is_empty() {

@@ -127,8 +127,9 @@ impl Job<'_> {
             bar.set_position((share * 100.0) as u64);
             bar.set_message(what.to_owned());
         });
+        diagnosis.interrupted |= interrupt::requested();
         if diagnosis.verdict == Verdict::Unexplained
-            && !interrupt::requested()
+            && !diagnosis.interrupted
             && fit::is_command_late(&self.rig, &self.rig.declared(), &self.train, &settings)
         {
             self.record_notes.push(output::LATE_COMMAND.to_owned());
@@ -196,6 +197,7 @@ impl Job<'_> {
         json!({
             "schema": SCHEMA,
             "verdict": diagnosis.verdict.name(),
+            "interrupted": diagnosis.interrupted,
             "faults_before": estimates(faults_before),
             "faults": faults,
             "free_before": estimates(free_before),
@@ -238,7 +240,7 @@ impl Job<'_> {
     fn warnings(&self, diagnosis: &Diagnosis) -> Vec<String> {
         let mut warnings = self.record_notes.clone();
         let sample_period = self.train[0].sample_period_s();
-        if interrupt::requested() {
+        if diagnosis.interrupted {
             warnings.push("interrupted: effects that were not tried yet are not ruled out".to_owned());
         }
         if diagnosis.holdout.is_none() && !diagnosis.found.is_empty() {
@@ -291,7 +293,7 @@ impl Job<'_> {
                 format!("diagnosed on {} by host-sim {}", self.names.join(", "), env!("CARGO_PKG_VERSION")),
                 format!(
                     "verdict {}, added effects: {}",
-                    diagnosis.verdict.name(),
+                    diagnosis.verdict_in_words(),
                     if effects.is_empty() { "none".to_owned() } else { effects.join(", ") }
                 ),
             ];

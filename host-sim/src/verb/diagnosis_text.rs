@@ -32,8 +32,8 @@ impl Job<'_> {
     pub(super) fn text(&self, answer: &Answer) -> String {
         let Answer { diagnosis, loops, result } = answer;
         let mut text = String::new();
-        let um = |value: f64| format!("{:.3} um", value * 1e6);
-        let _ = writeln!(text, "verdict: {}", diagnosis.verdict.name());
+        let metres = |value: f64| output::quantity(value, "m");
+        let _ = writeln!(text, "verdict: {}", diagnosis.verdict_in_words());
         for found in &diagnosis.found {
             let sizes: Vec<String> = found
                 .estimates
@@ -63,7 +63,7 @@ impl Job<'_> {
                 let _ = writeln!(text, "  these records cannot tell it from: {names}");
             }
         }
-        let _ = writeln!(text, "\nerror of the user position (noise {}):", um(diagnosis.noise[0]));
+        let _ = writeln!(text, "\nerror of the user position (noise {}):", metres(diagnosis.noise[0]));
         let scores = [Some(diagnosis.train), diagnosis.holdout];
         let largest = scores.iter().flatten().flatten().map(|score| score.position_rms).fold(0.0, f64::max);
         for (part, scores) in PARTS.into_iter().zip(scores) {
@@ -72,7 +72,7 @@ impl Job<'_> {
                 let _ = writeln!(
                     text,
                     "  {part:<17} {when:<7}{:>12}  {}",
-                    um(score.position_rms),
+                    metres(score.position_rms),
                     "#".repeat(length)
                 );
             }
