@@ -44,22 +44,14 @@ impl<T: Real> Guards<T> {
     /// A parabola through three equally spaced points dips by an eighth of its fall over the first two; twice that is
     /// looked out for.
     #[cold]
-    pub(super) fn must_refine(
-        &self,
-        fall: &Self,
-        after: &Self,
-        size: T,
-        divisible: bool,
-        has_extra: bool,
-    ) -> bool {
-        let is_any = |number: usize, before: &[T], after: &[T], fall: &[T]| {
-            (number..).zip(before).zip(after).zip(fall).any(|(((index, &before), &after), &fall)| {
-                Model::<T>::is_violated(index, before, after)
-                    || (divisible && before.smaller(after) + Model::<T>::slack(index) < fall * size)
-            })
-        };
-        is_any(0, &self.plain, &after.plain, &fall.plain)
-            || (has_extra && is_any(LOOP_GUARDS, &self.extra, &after.extra, &fall.extra))
+    pub(super) fn must_refine(&self, fall: &Self, after: &Self, size: T, divisible: bool) -> bool {
+        let before = self.plain.iter().chain(&self.extra);
+        let after = after.plain.iter().chain(&after.extra);
+        let fall = fall.plain.iter().chain(&fall.extra);
+        before.zip(after).zip(fall).enumerate().any(|(index, ((&before, &after), &fall))| {
+            Model::<T>::is_violated(index, before, after)
+                || (divisible && before.smaller(after) + Model::<T>::slack(index) < fall * size)
+        })
     }
 
     /// Takes over the guards after a step of `size` finest steps, and in `fall` a quarter of what they fell by for
@@ -96,12 +88,10 @@ impl<T: Real> Guards<T> {
     }
 
     /// The guard that is crossed first, and the fraction of the step at which it is, by linear interpolation.
-    pub(super) fn first_crossing(&self, after: &Self, has_extra: bool) -> Option<(usize, T)> {
+    pub(super) fn first_crossing(&self, after: &Self) -> Option<(usize, T)> {
         let mut first = None;
         Self::look_for_crossing(&mut first, 0, &self.plain, &after.plain);
-        if has_extra {
-            Self::look_for_crossing(&mut first, LOOP_GUARDS, &self.extra, &after.extra);
-        }
+        Self::look_for_crossing(&mut first, LOOP_GUARDS, &self.extra, &after.extra);
         first
     }
 

@@ -169,8 +169,7 @@ impl<T: Real> Run<T> {
         let at = |run: &Self, input: &Input<T>| Guards::at(model, &run.mode, &run.state, input, time);
         self.guards = at(self, to);
         for _ in 0..EVENTS_PER_STEP {
-            let Some((index, _)) = at(self, from).first_crossing(&self.guards, model.has_extra_guards())
-            else {
+            let Some((index, _)) = at(self, from).first_crossing(&self.guards) else {
                 break;
             };
             model.switch(index, &mut self.mode, &mut self.state, to);
@@ -400,7 +399,7 @@ fn meet_rate<T: Real, S: Stepper<T>>(
 ) {
     let here = |run: &Run<T>| Guards::at(model, &run.mode, &run.state, &segment.start, segment.time);
     let guards = here(run);
-    if let Some((index, _)) = run.guards.first_crossing(&guards, model.has_extra_guards()) {
+    if let Some((index, _)) = run.guards.first_crossing(&guards) {
         model.switch(index, &mut run.mode, &mut run.state, &segment.start);
         run.mode_number = run.mode.number();
         run.events += 1;
@@ -554,7 +553,7 @@ fn inspect<T: Real>(
     let length = T::from_count(span.size);
     let has_extra = model.has_extra_guards();
     if !run.guards.all_clear(&run.fall, &guards, length, has_extra)
-        && run.guards.must_refine(&run.fall, &guards, length, span.level > 0, has_extra)
+        && run.guards.must_refine(&run.fall, &guards, length, span.level > 0)
     {
         return false;
     }

@@ -181,11 +181,6 @@ impl<T: Real> Corridor<T> {
             let (from, to, swing) = (from[index], to[index], swing[index]);
             let (lower, upper) = (self.lower[index], self.upper[index]);
             let detour = detour.get(index).copied().unwrap_or(T::ZERO);
-            // The usual case: between the bounds by more than any dip.
-            let most = if divisible { detour + swing.magnitude() * quarter } else { T::ZERO };
-            if from.smaller(to) - most >= lower && from.larger(to) + most <= upper {
-                continue;
-            }
             let slack = if index == FLAPPER { self.slack } else { T::ZERO };
             look(from - lower, to - lower, detour - swing * quarter, slack);
             look(upper - from, upper - to, detour + swing * quarter, slack);

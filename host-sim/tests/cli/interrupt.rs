@@ -69,6 +69,6 @@ fn a_diagnosis_rules_nothing_out_that_it_has_not_tried() {
     let result = result(child);
     assert!(result["warnings"].to_string().contains("not ruled out"), "{result}");
     assert_eq!(result["interrupted"], true, "{result}");
-    let so_far = bench.read("demo/report.txt").contains("so far (interrupted)");
+    let so_far = bench.read("demo/report.html").contains("so far (interrupted)");
     assert_eq!(so_far, result["verdict"] == "unexplained", "{result}");
 }
