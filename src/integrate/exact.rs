@@ -7,7 +7,7 @@
 use super::ladder::{self, Cache, Growth, Rung};
 use super::{LONGEST_PIECE, Run, Step, Stepper};
 use crate::model::Model;
-use crate::model::corridor::{Corridor, ERROR, Passage, Passing, Watched, rescaled};
+use crate::model::corridor::{Corridor, ERROR, Passage, Passing, Watched};
 use crate::model::state::{FLAPPER, Input, Mode, State};
 use crate::scalar::Real;
 
@@ -140,8 +140,8 @@ impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Stepper<T
                 break;
             }
             if count < stride {
-                swing = rescaled(&{ swing }, [stride, count]);
-                (has_margin, stride) = (has_margin || corridor.has_margin(&{ here }, &{ swing }), count);
+                (swing, has_margin) = corridor.rescaled(&{ here }, &{ swing }, [stride, count]);
+                stride = count;
             }
             let after = corridor.watched(&there, &Input { command: at, ..Input::default() });
             let change: Watched<T> = core::array::from_fn(|index| after[index] - here[index]);
@@ -156,8 +156,7 @@ impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Stepper<T
                 match corridor.passage(&from, &to, &before, &detour, true) {
                     Passage::Clear => has_margin = corridor.has_margin(&to, &after),
                     _ if stride > 1 => {
-                        swing = rescaled(&before, [stride, 1]);
-                        has_margin = has_margin || corridor.has_margin(&from, &{ swing });
+                        (swing, has_margin) = corridor.rescaled(&from, &before, [stride, 1]);
                         (wary, stride) = (stride, 1);
                         continue;
                     }

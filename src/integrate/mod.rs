@@ -13,7 +13,7 @@ mod ladder;
 pub mod midpoint;
 
 use crate::model::Model;
-use crate::model::corridor::{Corridor, Detour, Passage, Passing, WATCHED, Watched, rescaled};
+use crate::model::corridor::{Corridor, Detour, Passage, Passing, WATCHED, Watched};
 use crate::model::state::{FULL_ORDER, Input, InputSegment, Mode, State};
 use crate::scalar::Real;
 use crossing::{EVENTS_PER_STEP, cross};
@@ -103,10 +103,7 @@ impl<T: Real> Run<T> {
     /// Turns to steps of another length.
     #[inline(never)]
     fn change_stride(&mut self, size: u32, corridor: &Corridor<T>, watched: &Watched<T>) {
-        let had_margin = self.has_margin && size < self.stride;
-        self.swing = rescaled(&self.swing, [self.stride, size]);
-        // A smaller swing asks for no more.
-        self.has_margin = had_margin || corridor.has_margin(watched, &self.swing);
+        (self.swing, self.has_margin) = corridor.rescaled(watched, &self.swing, [self.stride, size]);
         self.stride = size;
     }
 
@@ -169,9 +166,7 @@ impl<T: Real> Run<T> {
         let at = |run: &Self, input: &Input<T>| Guards::at(model, &run.mode, &run.state, input, time);
         self.guards = at(self, to);
         for _ in 0..EVENTS_PER_STEP {
-            let Some((index, _)) = at(self, from).first_crossing(&self.guards) else {
-                break;
-            };
+            let Some((index, _)) = at(self, from).first_crossing(&self.guards) else { break };
             model.switch(index, &mut self.mode, &mut self.state, to);
             self.events += 1;
             self.guards = at(self, to);

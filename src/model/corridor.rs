@@ -41,12 +41,6 @@ pub struct Passing<T> {
 /// and what is watched of the flapper. The others follow the flapper in one direction as long as it stays in its bounds.
 pub type Detour<T> = [T; 2];
 
-/// What the watched quantities change by over a step of one size, as over a step of another.
-pub fn rescaled<T: Real>(swing: &Watched<T>, [from, to]: [u32; 2]) -> Watched<T> {
-    let ratio = T::from_count(to) / T::from_count(from);
-    swing.map(|value| value * ratio)
-}
-
 /// A law of one quantity in one mode: its value at zero, and its slope.
 type Line<T> = [T; 2];
 
@@ -154,6 +148,19 @@ impl<T: Real> Corridor<T> {
     pub fn has_room(&self, place: &Watched<T>, change: &Watched<T>) -> bool {
         // Twice the change and the margin of such a step are three times the change, of which a margin is a quarter.
         self.has_margin(place, &change.map(|value| value * T::literal(12.0)))
+    }
+
+    /// A swing over steps of a size as one over steps of another, and whether a place has the margins that it asks for.
+    #[inline(never)]
+    pub fn rescaled(
+        &self,
+        place: &Watched<T>,
+        swing: &Watched<T>,
+        [from, to]: [u32; 2],
+    ) -> (Watched<T>, bool) {
+        let ratio = T::from_count(to) / T::from_count(from);
+        let swing = swing.map(|value| value * ratio);
+        (swing, self.has_margin(place, &swing))
     }
 
     /// Is a step clear, as [`is_clear`](Self::is_clear) asks, when looked at closely? What moves away from its bound
