@@ -342,7 +342,9 @@ fn giving_up_on_a_candidate_changes_nothing_that_follows() {
     let records = [record(&samples, &trace, NOISE_FREE)];
     let problem = problem(&records);
     let mut steppers = vec![Stepper::new()];
-    let settings = Settings::default();
+    // One that is no number of whole groups.
+    let mut settings = Settings::default();
+    settings.search.population = 18;
     let mut search = Identification::<f64, 2, 20>::new(&problem, settings, 1);
     let mut in_full = SteadyState::<f64, 2, 20>::new(settings.search, FREE.len(), 1);
     let (mut finishes, mut has_given_up) = (0, false);
@@ -351,7 +353,8 @@ fn giving_up_on_a_candidate_changes_nothing_that_follows() {
         match progress {
             Progress::Filled => {
                 let group: [_; TOGETHER] = in_full.ask_together(|gene| problem.is_output(gene));
-                for genes in group {
+                let room = in_full.population() - in_full.members().count();
+                for genes in group.into_iter().take(room) {
                     in_full.insert(&genes, problem.misfit(&genes, &mut steppers[0]).mean_square());
                 }
                 has_given_up |= search.search() != &in_full;

@@ -238,7 +238,9 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
             return Progress::Child(self.admit(&genes, misfit, bound));
         }
         let group: [_; TOGETHER] = self.search.ask_together(|gene| problem.is_output(gene));
-        for (genes, misfit) in group.iter().zip(misfits_of(problem, &group, stepper, bound)) {
+        // What is left over has not been evaluated to the end: it must not take the place of another.
+        let room = self.search.population().saturating_sub(self.search.members().count());
+        for (genes, misfit) in group.iter().zip(misfits_of(problem, &group, stepper, bound)).take(room) {
             self.admit(genes, misfit, bound);
         }
         Progress::Filled
