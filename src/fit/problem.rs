@@ -345,6 +345,9 @@ impl<T: Real> Problem<'_, T> {
         let mut rig_changed = self.moves_dynamics();
         let mut predicted = [[T::ZERO; BETWEEN_LOOKS]; MEASURED];
         let mut users = [[T::ZERO; BETWEEN_LOOKS]; OTHERS];
+        let are_above = |leader: &Tally<T>, followed: &[Tally<T>]| {
+            leader.is_above(bound) && followed.iter().all(|tally| tally.is_above(bound))
+        };
         for record in self.records {
             stepper.begin(record.sample_period, record.has_force(), rig_changed);
             rig_changed = false;
@@ -384,13 +387,13 @@ impl<T: Real> Problem<'_, T> {
                         tally.add(if is_user { sums_of(users) } else { sums }, is_level);
                     }
                 }
-                if leader.is_above(bound) && followed.iter().all(|tally| tally.is_above(bound)) {
+                if are_above(&leader, &followed) {
                     break;
                 }
             }
             leader.close();
             followed.iter_mut().for_each(Tally::close);
-            if leader.is_above(bound) && followed.iter().all(|tally| tally.is_above(bound)) {
+            if are_above(&leader, &followed) {
                 break;
             }
         }

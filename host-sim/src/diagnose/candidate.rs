@@ -69,6 +69,20 @@ pub(super) fn look(
     Some(Prospect { effect, foreseen, ranges: ranges.clone(), places })
 }
 
+/// An effect looked for in records beside the parameters that are free already, and fitted to the bottom after `steps`
+/// rough ones.
+pub(super) fn found(
+    effect: &'static EffectInfo,
+    rig: &Rig,
+    ranges: &[Range],
+    records: &[Prepared],
+    steps: u32,
+) -> Option<Candidate> {
+    let signatures = Signatures::new(rig, ranges, records);
+    let prospect = look(effect, rig, ranges, records, &signatures)?;
+    prospect.approach(rig, records, &[], steps)?.finished(rig, records)
+}
+
 impl Prospect {
     /// A rough fit of some steps from the most promising place; see [`Self::rough`]. Where it leaves more than noise,
     /// valleys of what rings are tried as well.
@@ -214,9 +228,7 @@ fn widened(rig: &Rig, ranges: &[Range], values: &[f64]) -> Vec<Range> {
     };
     let widen = |(range, &value): (&Range, &f64)| {
         let info = range.parameter.info();
-        let [below, above] = range.at_edge(value);
-        let at_edge = (below && range.lower > info.lower) || (above && range.upper < info.upper);
-        if !at_edge || is_given(range.parameter) {
+        if range.may_be_beyond(value) == [false; 2] || is_given(range.parameter) {
             return *range;
         }
         let more = (WIDER - 1.0) / 2.0 * (range.upper - range.lower);

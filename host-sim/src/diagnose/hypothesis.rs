@@ -333,10 +333,7 @@ impl Hypothesis {
 
     /// The model with an effect in the valley that all records show best.
     fn elsewhere(&self, case: &Case<'_>, effect: &'static EffectInfo) -> Option<Self> {
-        let signatures = Signatures::new(&self.rig, &self.ranges, case.records);
-        let prospect = candidate::look(effect, &self.rig, &self.ranges, case.records, &signatures)?;
-        let all =
-            prospect.approach(&self.rig, case.records, &[], FEW_STEPS)?.finished(&self.rig, case.records)?;
+        let all = candidate::found(effect, &self.rig, &self.ranges, case.records, FEW_STEPS)?;
         let (ranges, fit) = candidate::fitted(&self.rig, all.ranges, &all.fit.values, case.train())?;
         Some(self.joined(case, Candidate { effect, ranges, fit }))
     }
@@ -344,11 +341,7 @@ impl Hypothesis {
     /// The model with one of its effects looked for anew beside the others.
     pub(super) fn again(&self, case: &Case<'_>, effect: &'static EffectInfo) -> Option<Self> {
         let without = self.without(case, effect);
-        let Self { rig, ranges, .. } = &without;
-        let signatures = Signatures::new(rig, ranges, case.train());
-        let prospect = candidate::look(effect, rig, ranges, case.train(), &signatures)?;
-        let near = prospect.approach(rig, case.train(), &[], MANY_STEPS)?;
-        let found = near.finished(rig, case.train())?;
+        let found = candidate::found(effect, &without.rig, &without.ranges, case.train(), MANY_STEPS)?;
         Some(without.joined(case, found))
     }
 

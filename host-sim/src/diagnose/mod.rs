@@ -235,6 +235,14 @@ impl<'a> Case<'a> {
         is_any.then(|| excerpts.into_iter().zip(self.records).map(or_whole).collect())
     }
 
+    /// The case to search in: with the excerpts in place of the records, if there are any.
+    fn searched<'b>(&self, excerpts: Option<&'b [Prepared]>) -> Case<'b>
+    where
+        'a: 'b,
+    {
+        Case { records: excerpts.unwrap_or(self.records), timed: None, ..*self }
+    }
+
     /// Do predictions of all records leave no more than noise of them?
     fn is_noise_left(&self, predictions: &[Vec<Outputs<f64>>]) -> bool {
         let (train, holdout) = predictions.split_at(self.fitted);
@@ -448,8 +456,10 @@ fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) 
     if !is_open {
         watch("trying another reading", 0.6);
         let excerpts = there.excerpts();
-        let searched = Case { records: excerpts.as_deref().unwrap_or(there.records), ..*there };
-        let others = search::first_round(&searched, declared.root.refitted(&searched));
+        let searched = there.searched(excerpts.as_deref());
+        let root = &declared.root;
+        let root = if excerpts.is_some() { root.refitted(&searched) } else { root.clone() };
+        let others = search::first_round(&searched, root);
         if !leaves_less(&others, simple, scale) {
             return answer;
         }
@@ -507,7 +517,7 @@ fn diagnose_from(
     // Long records are searched in excerpts; what is found is then fitted to the whole.
     let excerpts = case.excerpts();
     let in_excerpts = excerpts.is_some();
-    let searched = Case { records: excerpts.as_deref().unwrap_or(case.records), timed: None, ..*case };
+    let searched = case.searched(excerpts.as_deref());
     let in_them = |model: Hypothesis| if in_excerpts { model.refitted(&searched) } else { model };
     let known = case.timed.map(|timed| timed.model.clone()).filter(|known| !known.added.is_empty());
     let sound = search::search(&searched, in_them(root), known.map(in_them), settings, watch);

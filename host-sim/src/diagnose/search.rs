@@ -35,7 +35,7 @@ pub(super) fn search(
     let mut tried = growth.tried;
     let simple = tried.iter().filter(|known| known.added.len() <= 1).cloned().collect();
     watch("testing what was found", 0.9);
-    let mut sound = Sound { simple, ..Sound::of(case, &mut tried) };
+    let mut sound = Sound::of(case, &mut tried);
     sound.find_stand_ins(case);
     for _ in 0..MOST_EFFECTS {
         let scale = sound.best.scale();
@@ -49,10 +49,10 @@ pub(super) fn search(
         if next.is_as(&sound) {
             break;
         }
-        sound = Sound { simple: sound.simple, ..next };
+        sound = next;
         sound.find_stand_ins(case);
     }
-    sound
+    Sound { simple, ..sound }
 }
 
 /// The model with the declared faults alone, and those with one effect that its records ask for: what a reading of them is

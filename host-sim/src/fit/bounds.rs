@@ -17,8 +17,6 @@ pub enum Bounds {
 
 /// Share of its range from which on an interval says nothing.
 const ALL: f64 = 0.9;
-/// Part of its range within which an estimate is at a bound.
-const AT: f64 = 1e-6;
 
 /// What the user should know of estimates that their ranges, in the same order, had a hand in: one that sits on a bound
 /// might be beyond it, unless nothing is; one whose interval is nearly all of its range is no estimate.
@@ -43,12 +41,10 @@ fn remark(estimate: &Estimate, range: &Range, bounds: Bounds) -> Option<String> 
             "these records say nothing about {name}: its interval is all of its range, or nearly"
         ));
     }
-    let (end, bound, wider) = if estimate.value <= range.lower + AT * width && range.lower > info.lower {
-        ("lower", range.lower, [(range.lower - width).max(info.lower), range.upper])
-    } else if estimate.value >= range.upper - AT * width && range.upper < info.upper {
-        ("upper", range.upper, [range.lower, (range.upper + width).min(info.upper)])
-    } else {
-        return None;
+    let (end, bound, wider) = match range.may_be_beyond(estimate.value) {
+        [true, _] => ("lower", range.lower, [(range.lower - width).max(info.lower), range.upper]),
+        [_, true] => ("upper", range.upper, [range.lower, (range.upper + width).min(info.upper)]),
+        [false, false] => return None,
     };
     let advice = match bounds {
         Bounds::Option => format!(": widen its range with `--bounds {name}={}..{}`", wider[0], wider[1]),

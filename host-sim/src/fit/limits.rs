@@ -28,14 +28,19 @@ pub fn at_ends(values: &[f64]) -> Vec<bool> {
 
 /// Share of the samples of a series that rest at its ends.
 pub fn share_at_ends(values: &[f64]) -> f64 {
-    at_ends(values).into_iter().filter(|&rests| rests).count() as f64 / values.len().max(1) as f64
+    share(&at_ends(values))
+}
+
+fn share(resting: &[bool]) -> f64 {
+    resting.iter().filter(|&&rests| rests).count() as f64 / resting.len().max(1) as f64
 }
 
 /// The series without what is clipped, as long as that leaves half of it: what does not move shows no noise.
 pub(super) fn unclipped(values: &[f64]) -> Vec<f64> {
-    if !(CLIPPED..0.5).contains(&share_at_ends(values)) {
+    let resting = at_ends(values);
+    if !(CLIPPED..0.5).contains(&share(&resting)) {
         return values.to_vec();
     }
     let keep = |(&value, rests): (&f64, bool)| if rests { f64::NAN } else { value };
-    values.iter().zip(at_ends(values)).map(keep).collect()
+    values.iter().zip(resting).map(keep).collect()
 }

@@ -47,6 +47,18 @@ pub(super) fn response(likeness: &[f64], period: f64) -> Option<Response> {
 
 /// Correlation of two series, over the samples that both have.
 pub(super) fn correlation(a: &[f64], b: &[f64]) -> f64 {
+    let [product, square_a, square_b] = moments(a, b);
+    product / (square_a * square_b).sqrt().max(f64::MIN_POSITIVE)
+}
+
+/// Slope of the straight line through one series over another one; not finite where the latter does not move.
+pub(super) fn slope(a: &[f64], b: &[f64]) -> f64 {
+    let [product, _, square_b] = moments(a, b);
+    product / square_b
+}
+
+/// Sums of the product of two series and of their squares, about their means, over the samples that both have.
+fn moments(a: &[f64], b: &[f64]) -> [f64; 3] {
     let pairs = || a.iter().zip(b).filter(|(a, b)| a.is_finite() && b.is_finite());
     let count = pairs().count().max(1) as f64;
     let (mean_a, mean_b) =
@@ -57,7 +69,7 @@ pub(super) fn correlation(a: &[f64], b: &[f64]) -> f64 {
         square_a += (a - mean_a) * (a - mean_a);
         square_b += (b - mean_b) * (b - mean_b);
     }
-    product / (square_a * square_b).sqrt().max(f64::MIN_POSITIVE)
+    [product, square_a, square_b]
 }
 
 #[cfg(test)]

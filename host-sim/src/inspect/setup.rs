@@ -3,7 +3,7 @@
 //! Each is told by a ratio that physics bounds: how far a channel moves against what the model, at the rig's values,
 //! says of it. Faults change that by less than the limits here, a wrong unit by more.
 
-use super::likeness::{correlation, likeness, response};
+use super::likeness::{correlation, likeness, response, slope};
 use crate::fit;
 use crate::record::Record;
 use crate::record::units::units_of;
@@ -176,8 +176,7 @@ impl Beside<'_> {
                  `--columns {column}=NAME*-1`"
             ));
         }
-        // The slope of the line through one over the other.
-        let ratio = alike * spread(self.measured, &self.model) / spread(&self.model, self.measured);
+        let ratio = slope(self.measured, &self.model);
         let most = most(self.channel);
         if alike < UNLIKE || !ratio.is_finite() || (most.recip()..=most).contains(&ratio) {
             return None;
@@ -198,13 +197,4 @@ impl Beside<'_> {
             "{column} moves {times} than the rig foresees: is it in another unit? `--columns {column}={source}`"
         ))
     }
-}
-
-/// Standard deviation of a series where another one has its samples.
-fn spread(values: &[f64], others: &[f64]) -> f64 {
-    let common =
-        || iter::zip(values, others).filter(|(a, b)| a.is_finite() && b.is_finite()).map(|(a, _)| *a);
-    let count = common().count().max(1) as f64;
-    let mean = common().sum::<f64>() / count;
-    (common().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt()
 }

@@ -86,8 +86,8 @@ pub fn read_mat_with(path: &Path, options: &ReadOptions) -> Result<Loaded, Recor
 
 /// Reads a record from the content of a MAT file (v5 to v7, or v7.3 and other HDF5); `file` names it in messages.
 ///
-/// A channel is a real numeric vector of any numeric class, or a column or a row of an array (`data(:,2)`, `data(2,:)`). NaN in a measured channel is a missing
-/// sample, as MAT files have no blank cells; the warnings tell how many.
+/// A channel is a real numeric vector of any numeric class, or a column or a row of an array (`data(:,2)`, `data(2,:)`).
+/// NaN in a measured channel is a missing sample, as MAT files have no blank cells; the warnings tell how many.
 ///
 /// # Errors
 ///

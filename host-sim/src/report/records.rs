@@ -170,6 +170,7 @@ pub(super) fn records(all: &[Compared<'_>]) -> Markup {
 
 /// Records that are drawn.
 const MOST_RECORDS: usize = 6;
+
 /// A record's name without its folder and ending, but with its segment.
 pub(super) fn short_name(name: &str) -> String {
     let (file, segment) = name.rsplit_once('@').map_or((name, None), |(file, segment)| (file, Some(segment)));

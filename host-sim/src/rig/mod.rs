@@ -54,6 +54,12 @@ impl Range {
         let rounding = 1e-9 * (self.upper - self.lower);
         [value <= self.lower + rounding, value >= self.upper - rounding]
     }
+
+    /// Is it at an edge beyond which the parameter may be?
+    pub fn may_be_beyond(&self, value: f64) -> [bool; 2] {
+        let ([below, above], info) = (self.at_edge(value), self.parameter.info());
+        [below && self.lower > info.lower, above && self.upper < info.upper]
+    }
 }
 
 /// Everything that is known of an actuator before a record is fitted.
