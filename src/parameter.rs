@@ -169,8 +169,10 @@ parameters! {
     step_load StepLoad "" "N" 0.0 [-1e5, 1e5] Constant "load against extension from step_load_time on";
     step_load_time StepLoadTime "t1" "s" 0.0 [0.0, 1e6] Constant "start of the step load";
     mount_compliance MountCompliance "1/k" "m/N" 0.0 [0.0, 1e-5] Dynamics "compliance of the mount: 1 over its stiffness";
-    mount_damping MountDamping "" "1" 0.05 [0.0, 5.0] Dynamics "damping ratio of the base alone on its mount";
-    base_mass BaseMass "" "kg" 5.0 [0.1, 1e5] Dynamics "mass of the base, the cylinder's body, on its mount";
+    mount_lag MountLag "cb/k" "s" 5e-5 [0.0, 0.1] Dynamics "lag of the mount: its damping over its stiffness";
+    base_mass BaseMass "mb" "kg" 5.0 [0.1, 1e5] Dynamics "mass of the base, the cylinder's body, on its mount";
+    load_follows_base LoadFollowsBase "sl" "1" 1.0 [0.0, 1.0] Dynamics "share of the base's motion that the load's inertia follows: 1 moves with it, 0 stays in the cylinder's frame";
+    loop_sees_base LoopSeesBase "sb" "1" 1.0 [0.0, 1.0] Dynamics "share of the base's motion that the loop sees: 1 regulates the position over ground, 0 that in the cylinder";
     bkl Backlash "BKL" "m" 0.0 [0.0, 0.05] Output "full width of the backlash between ram and user";
     sensor_offset SensorOffset "" "m" 0.0 [-0.1, 0.1] Output "offset of the LVDT";
     sensor_gain SensorGain "" "1" 0.0 [-0.5, 1.0] Output "relative gain error of the LVDT";

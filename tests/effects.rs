@@ -53,13 +53,21 @@ const TABLE: &[Row] = &[
         false,
     ),
     ("load-mass", &[(P::LoadMass, 200.0)], 0.02, true),
-    ("mount-compliance", &[(P::MountCompliance, 5e-8), (P::MountDamping, 0.1)], 0.02, true),
+    ("mount-compliance", MOUNT, 0.02, true),
     ("drive-lag", &[(P::DriveLag, 1e-3)], 0.02, true),
     ("sensor-offset", &[(P::SensorOffset, 1e-5)], 0.02, true),
     ("sensor-gain", &[(P::SensorGain, 0.01)], 0.02, true),
     ("sensor-lag", &[(P::SensorLag, 1e-3)], 0.35, true),
     ("sensor-delay", &[(P::SensorDelay, 1.3e-3)], 0.35, true),
     ("sensor-cubic", &[(P::SensorCubic, 100.0)], 0.02, true),
+];
+
+const MOUNT: &[(P, f64)] = &[
+    (P::MountCompliance, 5e-8),
+    (P::MountLag, 1e-4),
+    (P::BaseMass, 3.0),
+    (P::LoadFollowsBase, 1.0),
+    (P::LoopSeesBase, 1.0),
 ];
 
 fn faulty(valve: ValveForm, feedback: Feedback) -> Rig {
@@ -134,6 +142,30 @@ fn effects_agree_with_the_plant_on_the_sine() {
 }
 
 #[test]
+fn a_mount_agrees_whatever_follows_and_sees_its_base() {
+    // A user who is fed back is over ground.
+    let plain = with_effect(faulty(ValveForm::TwoStage, Feedback::Ram), MOUNT);
+    let mut seen: Vec<Trace> = Vec::new();
+    for (follows, sees) in [(1.0, 1.0), (0.0, 1.0), (1.0, 0.0), (0.0, 0.0)] {
+        let rig = with_effect(plain, &[(P::LoadFollowsBase, follows), (P::LoopSeesBase, sees)]);
+        for name in ["mixed-step", "sine"] {
+            let samples = command(name, SAMPLES);
+            let core = rig.core(&samples);
+            let distance = core.distance(&rig.plant(&samples));
+            println!("{name:10} follows {follows} sees {sees}: {distance}");
+            assert!(distance.user < 0.02 && distance.ram < 0.02, "{name}, {follows}, {sees}: {distance}");
+            if name == "sine" {
+                for other in &seen {
+                    let apart = core.distance(other).user;
+                    assert!(apart > 0.3, "{follows}, {sees}: {apart} um from another form");
+                }
+                seen.push(core);
+            }
+        }
+    }
+}
+
+#[test]
 fn neutral_values_change_nothing() {
     // With the effect absent its parameters have their defaults: zero, or the source's value.
     let samples = command("mixed", 300);
@@ -148,8 +180,10 @@ fn neutral_values_change_nothing() {
     }
     // What an absent effect is shaped by has no influence either.
     for parameter in [
-        P::MountDamping,
+        P::MountLag,
         P::BaseMass,
+        P::LoadFollowsBase,
+        P::LoopSeesBase,
         P::StepLoadTime,
         P::VapourPressure,
         P::ReturnPressure,

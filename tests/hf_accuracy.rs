@@ -68,7 +68,7 @@ fn everything_at_once_agrees_with_the_plant() {
     (p.oil_compliance, p.leakage) = (1e-10, 2e-12);
     (p.stribeck_velocity, p.friction_asymmetry, p.quadratic_drag) = (0.01, 0.1, 1e4);
     (p.spring_load, p.constant_load, p.step_load, p.step_load_time) = (1e4, 100.0, 200.0, 0.2);
-    (p.mount_compliance, p.mount_damping) = (1e-8, 0.1);
+    (p.mount_compliance, p.mount_lag) = (1e-8, 5e-5);
     (p.sensor_gain, p.sensor_offset, p.sensor_cubic) = (0.01, 1e-5, 10.0);
     // No velocity gain: with it, and a curved force law, the core finds the hysteresis's turning points by the
     // acceleration of the linear laws only, which leaves some micrometres.

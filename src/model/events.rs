@@ -241,14 +241,14 @@ impl<T: Real> Model<T> {
                 let current = self.controller.current(mode.current, self.demand(mode, z, input), T::ONE);
                 (self.pilot.hysteresis - (current - z.held_current).magnitude()) / self.pilot.hysteresis
             } else {
-                // The acceleration takes all equations, and most controllers do not see it.
-                let acceleration = if self.controller.sees_position_only() {
-                    T::ZERO
+                // Accelerations take all equations, and most controllers do not see them.
+                let accelerations = if self.controller.sees_position_only() {
+                    [T::ZERO; 2]
                 } else {
                     let rate = self.rate(mode, z, input);
-                    rate.ram_velocity + rate.base_velocity
+                    [rate.ram_velocity, rate.base_velocity]
                 };
-                side::<T>(mode.hysteresis) * self.held_current_rate(mode, z, input, acceleration)
+                side::<T>(mode.hysteresis) * self.held_current_rate(mode, z, input, accelerations)
             };
         }
         if self.pilot.feedback_play != T::ZERO {

@@ -2,7 +2,9 @@
 //!
 //! Where the mount gives way, `x` and `v` are those of the ram in its cylinder, and the cylinder's body is a mass on a
 //! spring and a damper that takes the reaction. Fluid and friction then drive the relative motion of two masses: the
-//! same equation with the reduced mass, and with shares of the load and of the mount's reaction.
+//! same equation with the reduced mass, and with shares of the load and of the mount's reaction. A load whose inertia
+//! follows only a share `sl` of the base's motion counts with that share of its mass in the reduced one: at 0 the ram moves
+//! in its cylinder as on a rigid mount, and the reaction moves nothing but what the sensors see.
 
 use super::state::State;
 use crate::parameter::Parameters;
@@ -14,9 +16,9 @@ struct Mount<T> {
     stiffness: T,
     damping: T,
     load_mass: T,
-    /// Mass of load and base, kg.
+    /// Mass that the mount carries: the base's and what of the load's follows it, kg.
     total_mass: T,
-    /// `mb/(MJ + mb)`: share of the load in the relative motion; the rest is that of the mount's reaction.
+    /// `mb/(sl MJ + mb)`: share of the load in the relative motion; the rest is that of the mount's reaction.
     load_share: T,
 }
 
@@ -24,10 +26,10 @@ impl<T: Real> Mount<T> {
     fn of(p: &Parameters<T>) -> Option<Self> {
         (p.mount_compliance > T::ZERO).then(|| {
             let stiffness = T::ONE / p.mount_compliance;
-            let total_mass = p.load_mass + p.base_mass;
+            let total_mass = p.load_follows_base * p.load_mass + p.base_mass;
             Self {
                 stiffness,
-                damping: T::literal(2.0) * p.mount_damping * (stiffness * p.base_mass).root(),
+                damping: p.mount_lag * stiffness,
                 load_mass: p.load_mass,
                 total_mass,
                 load_share: p.base_mass / total_mass,
@@ -252,7 +254,7 @@ impl<T: Real> Jack<T> {
     ) -> (T, T) {
         let outer = self.outer_force(middle.ground(), force, step_load_on, T::ONE);
         self.mount.map_or((outer, self.mass), |mount| {
-            // The reaction is `start + gain * b''` with `b'' = (outer - reaction - MJ a)/(MJ + mb)`: solved for `a`.
+            // The reaction is `start + gain * b''` with `b'' = (outer - reaction - MJ a)/(sl MJ + mb)`: solved for `a`.
             let (start, gain) = mount.at_middle(z, half);
             let weight = T::ONE / (mount.total_mass + gain);
             let share = T::ONE - mount.load_share;

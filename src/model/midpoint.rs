@@ -161,7 +161,7 @@ impl<T: Real> Model<T> {
         }
         if self.pilot.hysteresis != T::ZERO {
             // The acceleration is left out: with a rate gain the play is then first order only.
-            point.held_current_rate = self.held_current_rate(mode, z, input, T::ZERO);
+            point.held_current_rate = self.held_current_rate(mode, z, input, [T::ZERO; 2]);
         }
         point
     }

@@ -238,19 +238,27 @@ impl<T: Real> Model<T> {
     /// Position that the controller sees, m.
     #[inline(always)]
     fn fed_back(&self, z: &State<T>) -> T {
-        match self.form.feedback {
+        let over_ground = match self.form.feedback {
             Feedback::Ram => z.ground() + z.ram_rest,
             Feedback::User => (z.ground() + z.user_gap) + z.ram_rest,
-        }
+        };
+        over_ground - self.unseen_base(z.base)
     }
 
-    /// The part of the ram's velocity (or acceleration) that the controller sees.
+    /// The part of the motion of the base that the loop does not see, from its position (or velocity, acceleration).
     #[inline(always)]
-    fn fed_back_rate(&self, mode: &Mode, ram_rate: T) -> T {
-        match self.form.feedback {
+    fn unseen_base(&self, base: T) -> T {
+        (T::ONE - self.parameters.loop_sees_base) * base
+    }
+
+    /// The velocity (or acceleration) that the controller sees, from those of the ram in its cylinder and of the base.
+    #[inline(always)]
+    fn fed_back_rate(&self, mode: &Mode, ram_rate: T, base_rate: T) -> T {
+        let over_ground = match self.form.feedback {
             Feedback::User if mode.user_play == 0 => T::ZERO,
-            Feedback::User | Feedback::Ram => ram_rate,
-        }
+            Feedback::User | Feedback::Ram => ram_rate + base_rate,
+        };
+        over_ground - self.unseen_base(base_rate)
     }
 
     /// Current before its limit, mA.
@@ -259,7 +267,7 @@ impl<T: Real> Model<T> {
         if self.is_plain {
             return self.controller.proportional_demand((input.command - z.ram) - z.ram_rest);
         }
-        let velocity = self.fed_back_rate(mode, z.ground_velocity());
+        let velocity = self.fed_back_rate(mode, z.ram_velocity, z.base_velocity);
         self.controller.demand(input, self.fed_back(z), velocity, z.integral)
     }
 
@@ -275,14 +283,14 @@ impl<T: Real> Model<T> {
         }
     }
 
-    /// Its rate, mA/s, at an acceleration of the ram over ground, m/s2.
+    /// Its rate, mA/s, at the accelerations of the ram in its cylinder and of the base, m/s2.
     #[inline(always)]
-    fn held_current_rate(&self, mode: &Mode, z: &State<T>, input: &Input<T>, acceleration: T) -> T {
+    fn held_current_rate(&self, mode: &Mode, z: &State<T>, input: &Input<T>, [ram, base]: [T; 2]) -> T {
         if mode.hysteresis == 0 || mode.current != 0 {
             return T::ZERO;
         }
-        let velocity = self.fed_back_rate(mode, z.ground_velocity());
-        let acceleration = self.fed_back_rate(mode, acceleration);
+        let velocity = self.fed_back_rate(mode, z.ram_velocity, z.base_velocity);
+        let acceleration = self.fed_back_rate(mode, ram, base);
         self.controller.demand_rate(input, self.fed_back(z), velocity, acceleration)
     }
 
@@ -392,7 +400,7 @@ impl<T: Real> Model<T> {
         if self.form.drive == Drive::Force {
             return rate;
         }
-        let seen_velocity = self.fed_back_rate(mode, z.ground_velocity());
+        let seen_velocity = self.fed_back_rate(mode, z.ram_velocity, z.base_velocity);
         let demand = self.controller.demand(input, self.fed_back(z), seen_velocity, z.integral);
         let current = self.controller.current(mode.current, demand, one);
         let motor_current = self.motor_current(mode, z, current, one);
@@ -408,7 +416,7 @@ impl<T: Real> Model<T> {
         if mode.integral == 0 {
             rate.integral = input.command - self.fed_back(z);
         }
-        rate.held_current = self.held_current_rate(mode, z, input, acceleration + rate.base_velocity);
+        rate.held_current = self.held_current_rate(mode, z, input, [acceleration, rate.base_velocity]);
         if mode.feedback_play != 0 {
             rate.sensed_spool = rate.spool;
         }

@@ -183,9 +183,14 @@ pub(crate) fn plant(rig: &Rig) -> Plant {
         step_load: p.step_load,
         step_load_time: p.step_load_time,
         mount: (p.mount_compliance > 0.0).then(|| {
-            let (stiffness, mass) = (1.0 / p.mount_compliance, p.base_mass);
-            let damping = 2.0 * p.mount_damping * (stiffness * mass).sqrt();
-            Mount { stiffness, damping, mass, in_loop: true }
+            let stiffness = 1.0 / p.mount_compliance;
+            Mount {
+                stiffness,
+                damping: p.mount_lag * stiffness,
+                mass: p.base_mass,
+                in_loop: p.loop_sees_base == 1.0,
+                load_follows: p.load_follows_base == 1.0,
+            }
         }),
         sensor_offset: p.sensor_offset,
         sensor_gain: p.sensor_gain,

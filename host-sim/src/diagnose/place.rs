@@ -35,6 +35,8 @@ const RINGING_PER_DECADE: i32 = 460;
 const RINGING_DECADES: i32 = 2;
 /// Half width of the search around such a size, as a part of it.
 const RINGING_REACH: f64 = 0.1;
+/// What a mount is tried with: whether the load's inertia follows its base, and whether the loop sees it.
+const MOUNTS: [[f64; 2]; 4] = [[1.0, 1.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0]];
 /// Half widths of the search for an effect where no slope leads to it, in its sizes.
 const SPANS: &[f64] = &[REACH, 5.0, 1.0, 0.2];
 /// Times at which a step load is tried, at least, and how far apart they are at most, s.
@@ -75,9 +77,10 @@ pub(super) fn places(
     signatures: &Signatures<'_>,
     is_first: bool,
 ) -> Vec<Place> {
-    let seeker = Seeker { effect, rig, signatures, is_first };
+    let seeker = Seeker { effect, rig, signatures, is_first, others: &effect.sizes[1..] };
     match effect.parameters {
         [] => Vec::new(),
+        [.., Parameter::LoadFollowsBase, Parameter::LoopSeesBase] => seeker.mounts(),
         [_, Parameter::StepLoadTime] => seeker.steps(records),
         [_, _, Parameter::CoggingPitch] => seeker.ripples(records),
         [first, ..] if rig.parameters.get(*first) > first.info().lower => seeker.either_side(),
@@ -141,6 +144,8 @@ struct Seeker<'a> {
     signatures: &'a Signatures<'a>,
     /// Is no effect found yet?
     is_first: bool,
+    /// Where the parameters behind the effect's first start.
+    others: &'a [f64],
 }
 
 impl Seeker<'_> {
@@ -205,6 +210,19 @@ impl Seeker<'_> {
         seen.into_iter().take(MOST_PLACES).map(|(_, place)| place).collect()
     }
 
+    /// The compliances of a mount that explain most, whatever follows and sees its base: with another answer to that, a
+    /// soft mount is another model, and no slope leads from one to the next.
+    fn mounts(&self) -> Vec<Place> {
+        let [lag, mass, ..] = *self.others else { return Vec::new() };
+        let formed = |&[follows, sees]: &[f64; 2]| {
+            let others = &[lag, mass, follows, sees];
+            Seeker { others, ..*self }.seen().into_iter().take(1).collect::<Vec<_>>()
+        };
+        let mut places = self.unseen();
+        places.extend(MOUNTS.iter().flat_map(formed));
+        places
+    }
+
     /// Some sizes of what can be on either side of its absence, and that.
     fn either_side(&self) -> Vec<Place> {
         EITHER_SIDE
@@ -215,6 +233,13 @@ impl Seeker<'_> {
 
     /// The sizes that explain most of what is on one side of its absence, and that.
     fn one_side(&self) -> Vec<Place> {
+        let mut places = self.unseen();
+        places.extend(self.seen());
+        places
+    }
+
+    /// The sizes that explain most of what is on one side of its absence, the best first.
+    fn seen(&self) -> Vec<Place> {
         let size = self.effect.sizes[0];
         let (mut sizes, mut costs) = (Vec::new(), Vec::new());
         for step in 0..=PER_DECADE * DECADES {
@@ -227,9 +252,7 @@ impl Seeker<'_> {
             }
         }
         let seen = valleys(&costs, self.signatures.chi_square(&self.signatures.none()));
-        let mut places = self.unseen();
-        places.extend(seen.into_iter().map(|index| self.place(sizes[index], sizes[index])));
-        places
+        seen.into_iter().map(|index| self.place(sizes[index], sizes[index])).collect()
     }
 
     /// Where what is on one side of its absence is tried whatever its signature says. Where an effect of several
@@ -251,7 +274,7 @@ impl Seeker<'_> {
         COARSE.iter().flat_map(|&first| COARSE.iter().map(move |&second| place(first, second))).collect()
     }
 
-    /// A change of the first parameter and how far around the rig's value it is looked for; the others have their size.
+    /// A change of the first parameter and how far around the rig's value it is looked for; the others start where they do.
     fn place(&self, change: f64, half_width: f64) -> Place {
         let sizes = self.effect.sizes;
         let info = self.effect.parameters[0].info();
@@ -260,7 +283,7 @@ impl Seeker<'_> {
                 .chain((1..sizes.len()).map(|index| self.reach(index)))
                 .collect(),
             values: std::iter::once((self.here(0) + change).clamp(info.lower, info.upper))
-                .chain(sizes[1..].iter().copied())
+                .chain(self.others.iter().copied())
                 .collect(),
         }
     }

@@ -46,7 +46,10 @@ impl Shape {
                 let info = parameter.info();
                 let value = match parameter {
                     Parameter::StepLoadTime => 0.5 * self.stretch,
-                    Parameter::MountDamping => 0.1 * self.stretch,
+                    Parameter::MountLag => 1e-4 * self.stretch,
+                    Parameter::BaseMass | Parameter::LoadFollowsBase | Parameter::LoopSeesBase => {
+                        info.default
+                    }
                     Parameter::ThinningVelocity => 0.02 * self.stretch,
                     Parameter::CoggingPitch => 2e-3 * self.stretch,
                     _ if parameter == effect.parameters[0] && self.lowers(effect) => info.default - size,

@@ -283,4 +283,7 @@ pub struct Mount {
     pub mass: f64,
     /// Whether the transducer of the loop also measures over ground. If not, it sits in the cylinder.
     pub in_loop: bool,
+    /// Whether the load's inertia follows the body, as that of a load over ground does. If not, the ram moves in its
+    /// cylinder as on a rigid mount, and the body moves only what is measured.
+    pub load_follows: bool,
 }

@@ -285,13 +285,14 @@ impl Equations<'_> {
         let drive = p.jack_area * pressure - damping - detent;
         let (ram_mobility, body_mobility) = (1.0 / p.jack_mass, e.mount.map_or(0.0, |m| 1.0 / m.mass));
         let mount = e.mount.map_or(0.0, |m| m.stiffness * s.body + m.damping * s.body_rate);
-        let acceleration = (drive - load) * ram_mobility + (drive + mount) * body_mobility;
-        let jack_hold = acceleration / (ram_mobility + body_mobility);
+        let dragged_mobility = if e.mount.is_some_and(|m| m.load_follows) { body_mobility } else { 0.0 };
+        let acceleration = (drive - load) * ram_mobility + (drive + mount) * dragged_mobility;
+        let jack_hold = acceleration / (ram_mobility + dragged_mobility);
         let sticks = before.jack_slide == 0.0;
         let friction = if sticks { jack_hold } else { self.jack_friction(t, v, before.jack_slide) };
         if !sticks {
             rate.ram = v;
-            rate.ram_rate = (jack_hold - friction) * (ram_mobility + body_mobility);
+            rate.ram_rate = (jack_hold - friction) * (ram_mobility + dragged_mobility);
         }
         rate.body = s.body_rate;
         rate.body_rate = (friction - drive - mount) * body_mobility;
