@@ -1,6 +1,7 @@
 //! Results to stdout, log and progress to stderr, files whole or not at all.
 
 use crate::cli::Common;
+use crate::diagnose::progress::Stage;
 use crate::failure::Failure;
 use crate::fit::{Estimate, Fit, NoiseSource, Standing};
 use crate::record::{Record, write_csv};
@@ -11,7 +12,7 @@ use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use eha_monitor::channel::Channel;
 use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::fit::identify::StopReason;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde_json::{Map, Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -67,8 +68,14 @@ pub fn table<Header: AsRef<[Name]>, Name: ToString>(header: Header) -> Table {
 pub fn bar(common: &Common, length: u64, what: &str) -> ProgressBar {
     let target = if common.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
     let bar = ProgressBar::with_draw_target(Some(length), target);
-    let style = ProgressStyle::with_template("{prefix} {wide_bar} {pos}/{len} {msg} {eta} left");
-    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    let style = ProgressStyle::with_template("{prefix} {wide_bar} {pos}/{len} {msg} {left}");
+    let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
+    // Before the first step nobody knows.
+    bar.set_style(style.with_key("left", |state: &ProgressState, text: &mut dyn std::fmt::Write| {
+        if state.pos() > 0 {
+            let _ = write!(text, "{} left", HumanDuration(state.eta()));
+        }
+    }));
     bar.set_prefix(what.to_owned());
     bar
 }
@@ -81,6 +88,20 @@ pub fn show_standing(bar: &ProgressBar, standing: Standing) {
         "generation {}, best {:.3} times the noise,",
         standing.generations, standing.best_sigma
     ));
+}
+
+/// Shows where a diagnosis stands.
+pub fn show_stage(bar: &ProgressBar, stage: &Stage) {
+    bar.set_position((stage.share * 100.0) as u64);
+    let mut message = stage.doing.clone();
+    let [done, of] = stage.fits;
+    if of > 0 {
+        message += &format!(", {done} of {of}");
+    }
+    if stage.best_sigma.is_finite() {
+        message += &format!(", best {:.3} times the noise,", stage.best_sigma);
+    }
+    bar.set_message(message);
 }
 
 /// What is said of records whose commands come a sample late.

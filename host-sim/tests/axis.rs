@@ -125,7 +125,7 @@ fn a_term_that_foretells_a_record_worse_than_none_is_refused() {
     let rig = Rig { faults: Vec::new(), ..axis(&[]) };
     let prepared = records.map(|record| fit::prepare(&rig, &record));
     let case = Case::new(&rig, &prepared, 1);
-    let found = diagnose(&case, &FitSettings::default(), &|_, _| {});
+    let found = diagnose(&case, &FitSettings::default(), &|_| {});
     let [before, after] = found.holdout.unwrap().map(|score| score.position_rms);
     assert!(after < 1.001 * before, "{before} to {after}");
     assert_eq!(found.verdict, Verdict::Unexplained);

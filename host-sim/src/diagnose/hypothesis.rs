@@ -13,6 +13,7 @@ use eha_monitor::fit::identify::within_noise;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
 use rayon::prelude::*;
+use std::cmp::Ordering;
 use std::iter;
 use std::sync::OnceLock;
 
@@ -272,10 +273,11 @@ impl Hypothesis {
         }
         promising.append(&mut asked);
         let approached = |steps| -> Vec<Candidate> {
+            case.progress.expect(promising.len());
             promising
                 .par_iter()
                 .filter(|_| !interrupt::requested())
-                .filter_map(|prospect| prospect.approach(&self.rig, case.train(), others, steps))
+                .filter_map(|prospect| case.told(prospect.approach(&self.rig, case.train(), others, steps)))
                 .collect()
         };
         let mut near = approached(FEW_STEPS);
@@ -287,10 +289,11 @@ impl Hypothesis {
         near.retain(|near| reached(near) > FORESEEN * wanted);
         near.sort_by(|a, b| reached(b).total_cmp(&reached(a)));
         near.truncate(MOST_FITTED);
+        case.progress.expect(near.len());
         let mut candidates: Vec<Candidate> = near
             .into_par_iter()
             .filter(|_| !interrupt::requested())
-            .filter_map(|near| near.finished(&self.rig, case.train()))
+            .filter_map(|near| case.told(near.finished(&self.rig, case.train())))
             .collect();
         candidates.sort_by(candidate::lower);
         candidates
@@ -417,9 +420,12 @@ impl Hypothesis {
     /// faults in all of their ranges: what no slope leads to from here.
     pub(super) fn searched(&self, case: &Case<'_>, settings: &FitSettings, bound: f64) -> Vec<Self> {
         let applied = |effect: &&'static EffectInfo| candidate::applies(effect, &self.rig, &self.ranges);
-        let search =
-            |effect| candidate::searched(effect, &self.rig, &self.ranges, case.train(), settings, bound);
-        let mut found: Vec<Candidate> = EFFECTS.par_iter().filter(applied).filter_map(search).collect();
+        let search = |effect| {
+            case.told(candidate::searched(effect, &self.rig, &self.ranges, case.train(), settings, bound))
+        };
+        let applied: Vec<_> = EFFECTS.iter().filter(applied).collect();
+        case.progress.expect(applied.len());
+        let mut found: Vec<Candidate> = applied.into_par_iter().filter_map(search).collect();
         found.sort_by(candidate::lower);
         found.truncate(MOST_FITTED);
         self.with(case, found)
@@ -511,6 +517,11 @@ impl Hypothesis {
         let (ranges, fit) = candidate::fitted(rig, start.ranges, &start.values, case.train())?;
         Some(Candidate { effect, ranges, fit })
     }
+}
+
+/// Which of two leaves less of all records.
+pub(super) fn lower(a: &Hypothesis, b: &Hypothesis) -> Ordering {
+    a.joint.misfit.chi_square.total_cmp(&b.joint.misfit.chi_square)
 }
 
 /// Chi-square beyond what noise makes of it; none where noise may be all there is.

@@ -5,14 +5,13 @@
 //! answer to the jump, together with what else is free.
 
 use super::Case;
-use super::hypothesis::Hypothesis;
+use super::hypothesis::{self, Hypothesis};
 use super::residual;
 use crate::fit::{self, Polished, Prepared};
 use crate::rig::{self, Rig};
 use eha_monitor::model::state::Outputs;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use std::cmp::Ordering;
 use std::iter;
 use std::slice;
 
@@ -64,11 +63,6 @@ pub(super) struct Timed {
     pub(super) records: Vec<Prepared>,
     pub(super) model: Hypothesis,
     pub(super) jumps: Jumps,
-}
-
-/// Which of two leaves less.
-fn lower(a: &Timed, b: &Timed) -> Ordering {
-    a.model.joint.misfit.chi_square.total_cmp(&b.model.joint.misfit.chi_square)
 }
 
 impl Timed {
@@ -178,7 +172,13 @@ impl Jumps {
 
     /// Times the jumps of the records of a case together with a model, from the best of some places: those at which all are
     /// as late, each with its own fit, and those that suit the best of these, or a fit to what is not the answer to a jump.
-    pub(super) fn timed(&self, case: &Case<'_>, fitted: impl Fn(&Case<'_>) -> Hypothesis + Sync) -> Timed {
+    /// `fitted` makes that one, and `moved` one at other times from it.
+    pub(super) fn timed(
+        &self,
+        case: &Case<'_>,
+        fitted: impl Fn(&Case<'_>) -> Hypothesis,
+        moved: impl Fn(&Hypothesis, &Case<'_>) -> Hypothesis + Sync,
+    ) -> Timed {
         let answers = self.0[..case.fitted].iter().flatten().count() as f64 * ANSWER_S;
         let flown: f64 = case.train().iter().map(|record| record.len() as f64 * record.sample_period).sum();
         let left_out = if answers < MOST_LEFT_OUT * flown { ANSWER_S } else { 0.0 };
@@ -190,8 +190,16 @@ impl Jumps {
         let apart = |model: &Hypothesis| {
             self.each_at_best_of(&places, model, case).with(case, |case| model.refitted(case))
         };
-        let together: Vec<Timed> = places.par_iter().map(|jumps| jumps.clone().with(case, &fitted)).collect();
-        let better = |best: Timed, other: Timed| if lower(&other, &best).is_lt() { other } else { best };
+        let at_place = |jumps: &Self| {
+            let timed = jumps.clone().with(case, |case| moved(&without_answers, case));
+            case.progress.fitted(Some(timed.model.train.misfit.mean_square().sqrt()));
+            timed
+        };
+        case.progress.expect(places.len());
+        let together: Vec<Timed> = places.par_iter().map(at_place).collect();
+        let better = |best: Timed, other: Timed| {
+            if hypothesis::lower(&other.model, &best.model).is_lt() { other } else { best }
+        };
         let together = together.into_iter().reduce(better);
         let from_together = together.as_ref().map(|together| apart(&together.model));
         let looks = [together, from_together].into_iter().flatten();

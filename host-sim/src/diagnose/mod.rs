@@ -30,6 +30,7 @@ mod candidate;
 mod hypothesis;
 mod jumps;
 mod place;
+pub mod progress;
 pub mod residual;
 mod ripple;
 mod search;
@@ -39,12 +40,14 @@ mod weighing;
 use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, FitSettings, Polished, Prepared, Reading, TOLD_APART};
 use crate::interrupt;
 use crate::rig::{CommandPath, Rig};
+use candidate::Candidate;
 use eha_monitor::channel::Channel;
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
 use hypothesis::Hypothesis;
 use jumps::{Jumps, Timed};
+use progress::{Log, Progress, Watch};
 use residual::{Description, MEASURED};
 use std::iter;
 use weighing::Earned;
@@ -58,6 +61,8 @@ const RESIDUAL_LIMIT: f64 = 5.0;
 
 /// How often jumps are timed beside effects that are then found to be others.
 const MOST_TIMED: usize = 3;
+/// What is told of a diagnosis that takes them to be there.
+const JUMPING: &str = ", command jumps between samples";
 
 /// What the data say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -185,6 +190,8 @@ pub struct Case<'a> {
     pub model_error: [f64; MEASURED],
     /// The jumps of their commands, and the model beside which their times were fitted, where they were.
     timed: Option<&'a Timed>,
+    /// Whom it tells where it stands.
+    progress: Progress<'a>,
 }
 
 impl<'a> Case<'a> {
@@ -194,6 +201,17 @@ impl<'a> Case<'a> {
         'a: 'b,
     {
         Case { rig, ..*self }
+    }
+
+    /// Tells that a candidate was fitted, if that led anywhere.
+    fn told(&self, candidate: Option<Candidate>) -> Option<Candidate> {
+        self.progress.fitted(candidate.as_ref().map(|new| new.fit.misfit.mean_square().sqrt()));
+        candidate
+    }
+
+    /// The same as a part of a diagnosis, between two shares of it, that takes the records in some way.
+    fn part(&self, range: [f64; 2], reading: &'static str) -> Self {
+        Case { progress: self.progress.part(range, reading), ..*self }
     }
 
     /// A case of records that are ready for a rig, of which the first ones are fitted.
@@ -213,6 +231,7 @@ impl<'a> Case<'a> {
             known_noise: Channel::MEASURED.map(|channel| rig.noise_of(channel)),
             model_error: std::array::from_fn(error),
             timed: None,
+            progress: Progress::SILENT,
         }
     }
 
@@ -260,21 +279,22 @@ impl<'a> Case<'a> {
     }
 }
 
-/// Diagnoses a case. `watch` is told what is being done, and how much of it (0 to 1).
+/// Diagnoses a case. `watch` is told where it stands.
 ///
 /// Commands are taken to jump at samples, and noise for white, first. Jumps between two samples may be the truth; where
 /// something is left, noise that is coloured, as its spectrum where no actuator follows tells. What explains more is the
 /// answer.
 pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
-    let at_first = |what: &str, share: f64| watch(what, 0.9 * share);
-    let answer = diagnose_in_noise(case, settings, &at_first);
+    let log = Log::new(watch);
+    let case = &Case { progress: Progress::of(&log), ..*case };
+    let answer = diagnose_in_noise(&case.part([0.0, 0.7], ""), settings);
     if interrupt::requested() {
         return answer.diagnosis;
     }
     // What explains the records says how they are to be read.
     let rig =
         if answer.is_unexplained() { case.rig.clone() } else { case.rig.with_spool_of(&answer.model.rig) };
-    let between = diagnose_with_jumps(&case.under(&rig), &answer, settings, watch);
+    let between = diagnose_with_jumps(&case.under(&rig).part([0.7, 0.9], JUMPING), &answer, settings);
     let is_unexplained = answer.is_unexplained();
     let mut diagnosis = answer.diagnosis;
     match between {
@@ -305,9 +325,8 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Di
     let known_noise = std::array::from_fn(|channel| {
         case.known_noise[channel].map(|noise| noise * fit::as_white(colour[channel]))
     });
-    let coloured = Case { records: &records, known_noise, ..*case };
-    let again = |what: &str, share: f64| watch(&format!("{what}, coloured noise"), 0.9 + 0.1 * share);
-    let other = diagnose_in_noise(&coloured, settings, &again);
+    let coloured = Case { records: &records, known_noise, ..case.part([0.9, 1.0], ", coloured noise") };
+    let other = diagnose_in_noise(&coloured, settings);
     if other.is_unexplained() { diagnosis } else { other.diagnosis }
 }
 
@@ -355,27 +374,32 @@ enum Between {
 
 /// Diagnoses a case whose commands jump between samples, if they do: if that explains more than the model that was found
 /// without it.
-fn diagnose_with_jumps(
-    case: &Case<'_>,
-    without: &Answer,
-    settings: &FitSettings,
-    watch: Watch<'_>,
-) -> Between {
+fn diagnose_with_jumps(case: &Case<'_>, without: &Answer, settings: &FitSettings) -> Between {
     let is_curve = case.rig.command_path == CommandPath::Curve;
     let as_it_is = || is_curve.then(|| Reading { rig: case.rig.clone(), records: case.records.to_vec() });
     let Some(Reading { rig, records }) = fit::curved(case.rig, case.records).or_else(as_it_is) else {
         return Between::No;
     };
-    let curved = Case { rig: &rig, records: &records, ..*case };
+    let curved = &Case { rig: &rig, records: &records, ..*case };
     let Some(jumps) = Jumps::of(&records) else { return Between::No };
     let beside = |model: &Hypothesis| {
         let rig = rig.with_spool_of(&model.rig);
-        jumps.timed(&curved.under(&rig), |case| model.refitted(case))
+        let moved = |case: &Case<'_>| model.refitted(case);
+        jumps.timed(&curved.under(&rig), moved, |_, case| moved(case))
     };
     let found = &without.model;
     let asked = Some(without.to_be_timed()).filter(|asked| !asked.same_effects(found));
     let models = iter::once(found).chain(asked).filter(|model| !model.added.is_empty());
-    let alone = jumps.timed(&curved, |case| Declared::of(case, settings).root);
+    // Wherever the jumps are in their samples, the faults are near where they are without the answers to them, or where
+    // they were with jumps at samples.
+    let roots: Vec<&Hypothesis> = without.simple.iter().filter(|model| model.added.is_empty()).collect();
+    let moved = |start: &Hypothesis, case: &Case<'_>| {
+        let refits = roots.iter().copied().chain([start]).map(|root| root.refitted(case));
+        refits.min_by(hypothesis::lower).unwrap_or_else(|| start.clone())
+    };
+    curved.progress.begin("timing the jumps", [0.0, 0.2]);
+    let alone = jumps.timed(curved, |case| Declared::of(case, settings).root, moved);
+    curved.progress.begin("timing the jumps beside what was found", [0.2, 0.4]);
     let timed: Vec<Timed> = iter::once(alone).chain(models.map(beside)).collect();
     let scale = timed.iter().map(|timed| timed.model.scale()).fold(found.scale(), f64::min);
     let cost = |timed: &Timed| Some(timed.model.cost(scale) + timed.price()?);
@@ -385,16 +409,14 @@ fn diagnose_with_jumps(
     };
     let gain = found.cost(scale) - least;
     if gain.abs() <= TOLD_APART && found.same_effects(&best.model) {
-        return Between::Open(best.model.estimates(&best.case(&curved), None));
+        return Between::Open(best.model.estimates(&best.case(curved), None));
     }
     if gain <= TOLD_APART {
         return Between::No;
     }
-    let again =
-        |what: &str, share: f64| watch(&format!("{what}, command jumps between samples"), 0.9 + 0.1 * share);
     let mut turn = 1;
     loop {
-        let answer = diagnose_in_noise(&best.case(&curved), settings, &again);
+        let answer = diagnose_in_noise(&best.case(curved).part([0.4, 1.0], ""), settings);
         let next = answer.to_be_timed();
         let is_same = next.same_effects(&best.model)
             && next.rig.has_sticking_spool() == best.model.rig.has_sticking_spool();
@@ -416,8 +438,8 @@ fn diagnose_with_jumps(
 /// readings that the rig leaves open is taken (see [`Reading::all`]). Where another one makes a difference to what is found
 /// in that, and may be it as well, it is tried too; also where nothing explains the records in the first, and one effect
 /// leaves less of them in the other: what was missing may have spoken for the wrong one.
-fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Answer {
-    watch("fitting the declared faults", 0.0);
+fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answer {
+    case.progress.begin("fitting the declared faults", [0.0, 0.05]);
     let own = Declared::of(case, settings);
     let readings = Reading::all(case.rig, case.records);
     let cases: Vec<Case<'_>> =
@@ -427,12 +449,11 @@ fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) 
         cases.iter().skip(1).filter(differs).map(|other| (other, Declared::of(other, settings))).collect();
     let mut read: Vec<(&Case<'_>, Declared)> = iter::once((case, own)).chain(others).collect();
     if read.len() == 1 {
-        return diagnose_from(case, read.remove(0).1, settings, watch);
+        return diagnose_from(case, read.remove(0).1, settings);
     }
     let misfits: Vec<Misfit<f64>> = read.iter().map(|(_, declared)| declared.root.joint.misfit).collect();
     let (here, declared) = read.swap_remove(fit::speaks_for(&misfits));
-    let at_first = |what: &str, share: f64| watch(what, 0.6 * share);
-    let mut answer = diagnose_from(here, declared, settings, &at_first);
+    let mut answer = diagnose_from(&here.part([0.0, 0.6], ""), declared, settings);
     let is_unexplained = answer.is_unexplained();
     let Answer { diagnosis, model: best, simple, .. } = &mut answer;
     let scale = best.scale();
@@ -454,7 +475,7 @@ fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) 
         return answer;
     }
     if !is_open {
-        watch("trying another reading", 0.6);
+        case.progress.begin("trying another reading", [0.6, 0.65]);
         let excerpts = there.excerpts();
         let searched = there.searched(excerpts.as_deref());
         let root = &declared.root;
@@ -464,8 +485,7 @@ fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) 
             return answer;
         }
     }
-    let again = |what: &str, share: f64| watch(&format!("{what}, in another reading"), 0.6 + 0.4 * share);
-    let other = diagnose_from(there, declared, settings, &again);
+    let other = diagnose_from(&there.part([0.65, 1.0], ", in another reading"), declared, settings);
     if other.is_better_than(&answer, scale) { other } else { answer }
 }
 
@@ -488,9 +508,6 @@ fn readings_apart(rig: &Rig, one: &Case<'_>, other: &Case<'_>) -> f64 {
     (one - other).norm_squared()
 }
 
-/// What is told of progress: what is being done, and how much of the whole (0 to 1) is.
-type Watch<'a> = &'a (dyn Fn(&str, f64) + Sync);
-
 /// The declared faults, fitted to the records of a case.
 struct Declared {
     fit: Fit,
@@ -500,7 +517,9 @@ struct Declared {
 impl Declared {
     fn of(case: &Case<'_>, settings: &FitSettings) -> Self {
         let ranges = case.rig.declared();
-        let fit = fit::fit_from_seeds(case.rig, &ranges, case.train(), settings, ROOT_SEEDS);
+        let fit = fit::fit_from_seeds(case.rig, &ranges, case.train(), settings, ROOT_SEEDS, |standing| {
+            case.progress.searched(standing);
+        });
         let root = Hypothesis::root(case, &fit, ranges);
         Self { fit, root }
     }
@@ -512,7 +531,6 @@ fn diagnose_from(
     case: &Case<'_>,
     Declared { fit: mut before, root }: Declared,
     settings: &FitSettings,
-    watch: Watch<'_>,
 ) -> Answer {
     // Long records are searched in excerpts; what is found is then fitted to the whole.
     let excerpts = case.excerpts();
@@ -520,13 +538,13 @@ fn diagnose_from(
     let searched = case.searched(excerpts.as_deref());
     let in_them = |model: Hypothesis| if in_excerpts { model.refitted(&searched) } else { model };
     let known = case.timed.map(|timed| timed.model.clone()).filter(|known| !known.added.is_empty());
-    let sound = search::search(&searched, in_them(root), known.map(in_them), settings, watch);
+    let sound = search::search(&searched, in_them(root), known.map(in_them), settings);
     let Hypothesis { ranges, train: Polished { values, .. }, .. } = &sound.root;
     let there = fit::misfit(case.rig, ranges, values, case.train());
     if there.chi_square < before.misfit.chi_square - BETTER_VALLEY {
         before = fit::fit_near(case.rig, ranges, values, case.train(), settings);
     }
-    watch("looking for what is mixed up with a fault", 0.95);
+    case.progress.begin("looking for what is mixed up with a fault", [0.95, 1.0]);
     let whole = if in_excerpts { sound.best.refitted(case) } else { sound.best.clone() };
     let named = whole.is_name(case, &before.misfit);
     let confounded = sound.best.confounded(&searched);

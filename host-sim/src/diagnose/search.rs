@@ -1,8 +1,8 @@
 //! From the model with the declared faults alone to the best that its records ask for.
 
+use super::Case;
 use super::hypothesis::Hypothesis;
 use super::weighing::Earned;
-use super::{Case, Watch};
 use crate::fit::{FitSettings, TOLD_APART};
 use crate::interrupt;
 use rayon::prelude::*;
@@ -25,16 +25,15 @@ pub(super) fn search(
     root: Hypothesis,
     known: Option<Hypothesis>,
     settings: &FitSettings,
-    watch: Watch<'_>,
 ) -> Sound {
     let tried = iter::once(root.clone()).chain(known).collect();
-    let mut growth = Growth { case, watch, tried };
-    growth.run(vec![root], [0.0, 0.6]);
+    let mut growth = Growth { case, tried };
+    growth.run(vec![root], [0.05, 0.6]);
     growth.look_again();
     growth.run_from_afar(settings);
     let mut tried = growth.tried;
     let simple = tried.iter().filter(|known| known.added.len() <= 1).cloned().collect();
-    watch("testing what was found", 0.9);
+    case.progress.begin("testing what was found", [0.9, 0.95]);
     let mut sound = Sound::of(case, &mut tried);
     sound.find_stand_ins(case);
     for _ in 0..MOST_EFFECTS {
@@ -66,7 +65,6 @@ pub(super) fn first_round(case: &Case<'_>, mut root: Hypothesis) -> Vec<Hypothes
 /// A beam search over effects.
 struct Growth<'a> {
     case: &'a Case<'a>,
-    watch: Watch<'a>,
     /// All that was tried.
     tried: Vec<Hypothesis>,
 }
@@ -82,8 +80,10 @@ impl Growth<'_> {
             let label = format!("trying effects, round {}", stage + 1);
             let mut grown: Vec<Hypothesis> = Vec::new();
             for (index, hypothesis) in beam.iter_mut().enumerate() {
-                let share = (stage as f64 + (index as f64 + 0.5) / BEAM as f64) / MOST_EFFECTS as f64;
-                (self.watch)(&label, from + share * (to - from));
+                let share = |index: usize| {
+                    from + (stage as f64 + index as f64 / BEAM as f64) / MOST_EFFECTS as f64 * (to - from)
+                };
+                self.case.progress.begin(&label, [share(index), share(index + 1)]);
                 for new in hypothesis.grow(self.case, &self.tried) {
                     if !grown.iter().any(|known| known.same_effects(&new)) {
                         grown.push(new);
@@ -141,8 +141,13 @@ impl Growth<'_> {
         let scale = self.tried.iter().map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
         let best = several.min_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)));
         let Some(best) = best else { return };
-        (self.watch)("looking again for what was found", 0.6);
-        let anew = best.added.par_iter().filter_map(|effect| best.again(case, effect));
+        case.progress.begin("looking again for what was found", [0.6, 0.65]);
+        case.progress.expect(best.added.len());
+        let anew = best.added.par_iter().filter_map(|effect| {
+            let anew = best.again(case, effect);
+            case.progress.fitted(anew.as_ref().map(|anew| anew.train.misfit.mean_square().sqrt()));
+            anew
+        });
         let anew = anew.min_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)));
         if let Some(better) = anew.filter(|anew| anew.cost(scale) < best.cost(scale) - TOLD_APART) {
             self.tried.retain(|known| !known.same_effects(&better));
@@ -156,8 +161,8 @@ impl Growth<'_> {
         if self.is_done() {
             return;
         }
-        let Self { case, watch, tried } = &*self;
-        watch("searching from afar", 0.65);
+        let Self { case, tried } = &*self;
+        case.progress.begin("searching from afar", [0.65, 0.75]);
         let bound = tried.iter().map(|known| known.train.misfit.chi_square).fold(f64::INFINITY, f64::min);
         let Some(root) = tried.iter().find(|known| known.added.is_empty()).cloned() else { return };
         let found = root.searched(case, settings, bound);

@@ -212,19 +212,20 @@ pub fn fit(
 }
 
 /// Fits the ranges to the records; where that leaves more than noise, `seeds` fits that differ in their seed are made,
-/// and the one with the deepest valley is it.
+/// and the one with the deepest valley is it. `watch` is told where each of them stands.
 pub fn fit_from_seeds(
     rig: &Rig,
     ranges: &[Range],
     records: &[Prepared],
     settings: &FitSettings,
     seeds: u64,
+    watch: impl Fn(Standing) + Sync,
 ) -> Fit {
-    let first = fit(rig, ranges, records, settings, |_| {});
+    let first = fit(rig, ranges, records, settings, &watch);
     if first.stop == StopReason::NoiseReached {
         return first;
     }
-    let from = |seed| fit(rig, ranges, records, &FitSettings { seed, ..*settings }, |_| {});
+    let from = |seed| fit(rig, ranges, records, &FitSettings { seed, ..*settings }, &watch);
     let others: Vec<Fit> =
         (1..seeds).into_par_iter().map(|more| from(settings.seed.wrapping_add(more))).collect();
     let better = |best: Fit, other: Fit| {

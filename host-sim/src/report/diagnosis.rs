@@ -74,7 +74,7 @@ pub(crate) fn diagnosis(case: &Diagnosed<'_>) -> String {
         sections.push(("Held-out records", records(&predicted)));
     }
     sections.push(("Fitted records", records(&fitted)));
-    sections.push(("What is left", residual::tests(&fitted, 0, diagnosis.noise[0])));
+    sections.push(("What is left", residual::tests(&fitted, &diagnosis.noise)));
     sections
         .push(("Search for the declared faults, before", before_search(diagnosis, case.rig, &ranges, train)));
     let verdict = diagnosis.verdict_in_words();

@@ -92,7 +92,7 @@ pub(crate) fn identification(result: &Identified<'_>) -> String {
         sections: vec![
             ("Estimates", found),
             ("Record against model", records(&compared)),
-            ("What is left", residual::tests(&compared, 0, fit.noise[0])),
+            ("What is left", residual::tests(&compared, &fit.noise)),
             ("Search", search(fit, result.rig, result.ranges, result.prepared, result.population)),
         ],
         config: result.config,

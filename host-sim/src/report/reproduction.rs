@@ -214,7 +214,7 @@ fn closely(one: &Reproduced<'_>, rig: &Rig) -> Markup {
     let fit = one.after.unwrap_or(one.before);
     html! {
         (records(&compared))
-        (residual::tests(&compared, 0, fit.noise[0]))
+        (residual::tests(&compared, &fit.noise))
         (search(fit, rig, &one.case.ranges(), one.prepared, one.case.population))
     }
 }

@@ -6,6 +6,7 @@ use super::records::{Compared, quantity_of};
 use super::rows::{Row, Rows, Shape};
 use super::scale::Axis;
 use super::statistics::{autocorrelation, cross_correlation, motion, present, spectrum};
+use crate::diagnose::residual::MEASURED;
 use eha_monitor::channel::Channel;
 use eha_monitor::model::state::Outputs;
 use maud::{Markup, html};
@@ -25,12 +26,27 @@ struct Residuals<'a> {
     period: f64,
 }
 
+/// Spectrum and correlations of the residual of every measured channel, of every model: those of the first at once, those
+/// of the others where the reader asks for them.
+pub(super) fn tests(all: &[Compared<'_>], noise: &[f64; MEASURED]) -> Markup {
+    let mut measured = (0..MEASURED).filter(|&channel| all.iter().any(|one| one.has(channel)));
+    html! {
+        @if let Some(first) = measured.next() { (tests_of(all, first, noise[first])) }
+        @for channel in measured {
+            details.wide {
+                summary { (format!("The same of the {}", quantity_of(Channel::MEASURED[channel]))) }
+                div.grid { (tests_of(all, channel, noise[channel])) }
+            }
+        }
+    }
+}
+
 /// Spectrum and correlations of the residual of a channel, of every model.
-pub(super) fn tests(all: &[Compared<'_>], channel: usize, noise: f64) -> Markup {
-    let Some(first) = all.first() else { return html! {} };
+fn tests_of(all: &[Compared<'_>], channel: usize, noise: f64) -> Markup {
+    let mut alike: Vec<&Compared<'_>> = all.iter().filter(|one| one.has(channel)).collect();
+    let Some(first) = alike.first().copied() else { return html! {} };
     let period = first.record.sample_period_s();
-    let alike: Vec<&Compared<'_>> =
-        all.iter().filter(|one| one.has(channel) && one.record.sample_period_s() == period).collect();
+    alike.retain(|one| one.record.sample_period_s() == period);
     let series = |model: usize| -> Vec<Vec<f64>> {
         alike.iter().map(|one| one.residual(one.models[model].2, channel)).collect()
     };

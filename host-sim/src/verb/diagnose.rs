@@ -123,10 +123,7 @@ impl Job<'_> {
         let case = Case::new(&self.rig, &records, self.train.len());
         let settings = FitSettings { seed: self.common.seed, ..FitSettings::default() };
         let bar = output::bar(self.common, 100, "diagnosing");
-        let mut diagnosis = diagnose(&case, &settings, &|what, share| {
-            bar.set_position((share * 100.0) as u64);
-            bar.set_message(what.to_owned());
-        });
+        let mut diagnosis = diagnose(&case, &settings, &|stage| output::show_stage(&bar, stage));
         diagnosis.interrupted |= interrupt::requested();
         if diagnosis.verdict == Verdict::Unexplained
             && !diagnosis.interrupted

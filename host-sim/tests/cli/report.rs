@@ -22,6 +22,7 @@ const ALONE: [&str; 8] = [
 /// Script that looks at the page as it is laid out, and leaves what it finds as the title: one finding a line.
 const PROBE: &str = r#"<script>
 const found = [];
+for (const more of document.querySelectorAll("details")) more.open = true;
 const add = (text) => { if (found.length < 20) found.push(text); };
 if (document.documentElement.scrollWidth > innerWidth) add(`page is ${document.documentElement.scrollWidth} wide`);
 const figures = [...document.querySelectorAll("figure")];

@@ -310,7 +310,7 @@ impl Case {
         let rig = Rig::load("eha").unwrap();
         let records = self.records().map(|record| fit::prepare(&rig, &screen(&rig, &record).record));
         let case = diagnose::Case::new(&rig, &records, self.train.len());
-        let diagnosis = diagnose::diagnose(&case, &FitSettings::default(), &|_, _| {});
+        let diagnosis = diagnose::diagnose(&case, &FitSettings::default(), &|_| {});
         let flown = Rig { command_path: self.program.path, ..rig };
         let ahead = if self.program.later > 0.0 { 1.0 - self.program.later / PERIOD } else { 0.0 };
         let told = |record: &Prepared| {
