@@ -173,7 +173,7 @@ fn a_header_must_name_each_required_column_once() {
     assert_eq!(
         renamed("t_s,command,lvdt_m"),
         "run.csv:1: `command_m` is missing: found `t_s`, `command`, `lvdt_m`; \
-         map one, such as `--columns command_m=command`"
+         map one, such as `--columns 'command_m=command'`"
     );
     assert_eq!(
         renamed("t_s,command_m,lvdt_m,lvdt_m"),

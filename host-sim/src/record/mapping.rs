@@ -6,6 +6,7 @@ use eha_monitor::channel::{CHANNELS, Channel, ChannelInfo};
 
 use super::error::Problem;
 use super::units::{Unit, unit, units_of};
+use crate::shell_word;
 
 /// Least similarity of two names (normalised Damerau-Levenshtein) for one to be offered for the other.
 const SIMILAR: f64 = 0.75;
@@ -159,7 +160,7 @@ fn how_to_map(info: &ChannelInfo, present: &[String]) -> String {
     });
     let map = match meant {
         Some(entry) => format!("map one, such as {}", option(&entry)),
-        None => format!("map one: `--columns {}=NAME`", info.column),
+        None => format!("map one: {}", option(&format!("{}=NAME", info.column))),
     };
     match info.channel {
         Channel::Time => format!("{map}, or give the sampling rate: `--rate HZ`"),
@@ -167,14 +168,9 @@ fn how_to_map(info: &ChannelInfo, present: &[String]) -> String {
     }
 }
 
-/// An entry as the option that says it, quoted where a shell would read something else.
+/// An entry as the option that says it, to be pasted into a shell.
 pub(super) fn option(entry: &str) -> String {
-    let is_plain = |c: char| c.is_alphanumeric() || "_=.,+-".contains(c);
-    if entry.chars().all(is_plain) {
-        format!("`--columns {entry}`")
-    } else {
-        format!("`--columns '{entry}'`")
-    }
+    format!("`--columns {}`", shell_word::quoted(entry))
 }
 
 impl Entry {
@@ -345,7 +341,7 @@ mod tests {
         assert_eq!(hint("lvdt_m=Position2", &names), meant("'lvdt_m=Position 2 [mm]'"));
         assert_eq!(hint("lvdt_m=force*2", &names), meant("'lvdt_m=Force*2'"));
         assert_eq!(hint("lvdt_m=Positio2[mm]*2", &names), meant("'lvdt_m=Position 2 [mm]*2'"));
-        assert_eq!(hint("lvdt_m=Pos", &names), meant("lvdt_m=Positon"));
+        assert_eq!(hint("lvdt_m=Pos", &names), meant("'lvdt_m=Positon'"));
         assert_eq!(hint("lvdt_m=pressure", &names), None);
     }
 
@@ -379,12 +375,13 @@ mod tests {
         let offers =
             |name, option: &str| assert_eq!(offer(name), format!("map it with `--columns {option}`"));
         offers("lvdt_mm", "'lvdt_m=lvdt_mm[mm]'");
-        offers("command", "command_m=command");
+        offers("command", "'command_m=command'");
         offers("LVDT [mm]", "'lvdt_m=LVDT [mm]'");
-        offers("Time", "t_s=Time");
+        offers("Time", "'t_s=Time'");
         offers("time_ms", "'t_s=time_ms[ms]'");
-        offers("comand_m", "command_m=comand_m");
+        offers("comand_m", "'command_m=comand_m'");
         offers("LVDT_M", "'lvdt_m=LVDT_M[m]'");
+        offers("~time", "'t_s=~time'");
         assert_eq!(offer("temperature_C"), "");
         assert_eq!(offer("ram_m"), "", "a column of the table, left out on purpose");
         assert_eq!(offer(""), "");

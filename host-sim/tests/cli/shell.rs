@@ -1,6 +1,6 @@
 //! Completions and manual pages, from the command line itself.
 
-use super::harness::{Bench, USAGE};
+use super::harness::{BAD_DATA, Bench, USAGE};
 use std::process::Command;
 
 #[test]
@@ -67,4 +67,42 @@ fn every_verb_has_a_manual_page() {
     bench.run(&["man", "--out", "man"]).done();
     let count = std::fs::read_dir(bench.path("man")).expect("a directory").count();
     assert!(count >= 14, "{count} pages");
+}
+
+/// Does this machine have the shell? Bash it must have; a test passes over others, and says so.
+fn is_installed(shell: &str) -> bool {
+    let is_there = Command::new(shell).arg("--version").output().is_ok();
+    assert!(is_there || shell != "bash", "bash is not installed");
+    if !is_there {
+        println!("skipped: {shell} is not installed");
+    }
+    is_there
+}
+
+#[test]
+fn a_hint_can_be_pasted_into_every_shell() {
+    let bench = Bench::new();
+    bench.simulate("record.csv", &["--model", "lf", "--duration", "0.2"]);
+    let record = bench.read("record.csv");
+    // Each with the shells that take it for something else without its quotes.
+    for (name, needed_by) in [
+        ("LVDT[m]", &["zsh"][..]),
+        ("$LVDT", &["bash", "zsh", "fish"]),
+        ("lvdt's [m]", &["bash", "zsh", "fish"]),
+        ("~lvdt", &[]),
+    ] {
+        bench.write("foreign.csv", &record.replacen("lvdt_m", name, 1));
+        let run = bench.run(&["import", "foreign.csv", "-o", "new.csv"]).refused(BAD_DATA, &[]);
+        let option = run.stderr.split('`').find(|part| part.starts_with("--columns ")).expect("a hint");
+        for shell in ["bash", "zsh", "fish"].into_iter().filter(|shell| is_installed(shell)) {
+            let pasted = |option: &str| {
+                let line = format!("'{}' import foreign.csv -o - {option}", env!("CARGO_BIN_EXE_host-sim"));
+                let run = Command::new(shell).args(["-c", &line]).current_dir(bench.path(".")).output();
+                run.expect("the shell runs").status.success()
+            };
+            assert!(pasted(option), "{shell} takes {option} for something else");
+            let bare = option.replace(['\'', '"'], "");
+            assert_eq!(pasted(&bare), !needed_by.contains(&shell), "{shell} and {bare}");
+        }
+    }
 }

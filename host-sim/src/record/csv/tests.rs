@@ -234,7 +234,7 @@ fn names_are_found_with_and_without_a_space_before_the_unit() {
     );
     assert_eq!(
         message(&text, &["command_m=Soll[mm]", "lvdt_m=Ist[mm]"], None),
-        "run.csv:1: `t_s` is missing: found `Zeit [ms]`, `Soll`, `Ist`; map one: `--columns t_s=NAME`, or give the \
+        "run.csv:1: `t_s` is missing: found `Zeit [ms]`, `Soll`, `Ist`; map one: `--columns 't_s=NAME'`, or give the \
          sampling rate: `--rate HZ`"
     );
 }
