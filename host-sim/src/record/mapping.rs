@@ -14,6 +14,9 @@ const SIMILAR: f64 = 0.75;
 /// Least likeness (Jaro-Winkler, which counts the first letters most) of a name that is there to one that is not.
 const LIKE: f64 = 0.8;
 
+/// Relative difference of two factors that is none.
+const ROUNDING: f64 = 1e-9;
+
 /// Where the channels are found in a file, and the factors that bring them to the unit of the channel.
 ///
 /// The default finds each channel under the name of its own column, in its own unit.
@@ -258,6 +261,20 @@ fn entry_for(name: &str, info: &ChannelInfo, unit: Option<&Unit>) -> String {
     format!("{}={name}{}", info.column, unit.unwrap_or_default())
 }
 
+/// The entry that reads a channel from a name with a factor, whatever the file or the name says of a unit.
+pub(super) fn entry_with(info: &ChannelInfo, name: &str, factor: f64) -> String {
+    let own = name.strip_suffix(']').and_then(|rest| Some(rest.rsplit_once('[')?.1)).and_then(unit);
+    let is_in = |unit: &&Unit| (factor.abs() / unit.factor - 1.0).abs() < ROUNDING;
+    let scaling = match units_of(info).find(is_in) {
+        Some(unit) => {
+            let symbol = if own == Some(unit) { String::new() } else { format!("[{}]", unit.symbol) };
+            format!("{symbol}{}", if factor < 0.0 { "*-1" } else { "" })
+        }
+        None => format!("*{:e}", factor / own.map_or(1.0, |unit| unit.factor)),
+    };
+    format!("{}={name}{scaling}", info.column)
+}
+
 /// The channel that a name, itself not that of a column, may stand for, and the unit that it ends in.
 fn closest(name: &str) -> Option<(&'static ChannelInfo, Option<&'static Unit>)> {
     if CHANNELS.iter().any(|info| info.column == name) {
@@ -353,6 +370,25 @@ mod tests {
             .resolve(false, &[], |name| names.iter().position(|&other| other == name))
             .map(|all| all.iter().map(|found| (found.source, found.factor)).collect::<Vec<_>>());
         assert_eq!(found.expect("all there"), [(0, 1.0), (2, 1e-3), (1, 1e-3)]);
+    }
+
+    #[test]
+    fn an_entry_that_is_offered_has_the_factor_that_it_was_made_for() {
+        for (name, made_for, expected) in [
+            ("pos", 1e-3, "lvdt_m=pos[mm]"),
+            ("pos", 1.0, "lvdt_m=pos[m]"),
+            ("pos", -1e-2, "lvdt_m=pos[cm]*-1"),
+            ("pos", 1.5e-5, "lvdt_m=pos*1.5e-5"),
+            ("Pos [mm]", 1e-3, "lvdt_m=Pos [mm]"),
+            ("Pos [mm]", -1e-3, "lvdt_m=Pos [mm]*-1"),
+            ("Pos [mm]", 1e-2, "lvdt_m=Pos [mm][cm]"),
+            ("Pos [mm]", 2e-3, "lvdt_m=Pos [mm]*2e0"),
+            ("data(:,2)", -1.0, "lvdt_m=data(:,2)[m]*-1"),
+        ] {
+            let entry = entry_with(Channel::UserPosition.info(), name, made_for);
+            assert_eq!((entry.as_str(), factor(&entry)), (expected, made_for));
+            assert_eq!(Mapping::split(&entry).count(), 1);
+        }
     }
 
     #[test]
