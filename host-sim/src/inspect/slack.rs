@@ -2,7 +2,7 @@
 
 use crate::fit;
 use eha_monitor::model::play::play;
-use nalgebra::{Matrix3, Matrix4, Vector4};
+use nalgebra::{Matrix4, Matrix5, Vector5};
 
 /// Widths of the play that are tried.
 const WIDTHS: u32 = 16;
@@ -10,7 +10,7 @@ const WIDTHS: u32 = 16;
 const SPEED_S: f64 = 0.01;
 
 /// Mean square of what is left of a position if it follows another one with a play of the best width, or none, and a
-/// sensor of any offset, gain and lag.
+/// sensor of any offset and gain; either sensor may lag.
 pub(super) fn left_behind(follower: &[f64], leader: &[f64], period: f64) -> f64 {
     if follower.is_empty() || leader.is_empty() {
         return 0.0;
@@ -40,27 +40,29 @@ fn behind(leader: &[f64], half: f64) -> Vec<f64> {
     leader.iter().map(follow).collect()
 }
 
-/// Mean square of what an offset, a gain and a lag leave of a series that another one explains; `reach` is the number
-/// of samples on either side that a speed is taken from.
+/// Mean square of what an offset, a gain and lags leave of a series that another one explains; `reach` is the number of
+/// samples on either side that a speed is taken from. What lags shows its own speed, and what it follows that of the
+/// other: with one of them alone, a lag would tell the two apart.
 fn unexplained(series: &[f64], by: &[f64], reach: usize) -> f64 {
     let inner = reach..series.len().saturating_sub(reach);
     let [low, high] = fit::extent(by);
     let (middle, scale) = (0.5 * (low + high), (0.5 * (high - low)).max(f64::MIN_POSITIVE));
     let rows = inner.map(|sample| {
-        let speed = by[sample + reach] - by[sample - reach];
-        Vector4::new(1.0, (by[sample] - middle) / scale, speed / scale, (series[sample] - by[sample]) / scale)
+        let [own_speed, speed] = [series, by].map(|of| (of[sample + reach] - of[sample - reach]) / scale);
+        let value = (by[sample] - middle) / scale;
+        Vector5::new(1.0, value, speed, own_speed, (series[sample] - by[sample]) / scale)
     });
-    // Normal equations of the first three, the series itself beside them: what is left is the last pivot.
-    let mut squares = Matrix4::<f64>::zeros();
+    // Normal equations of the first four, the series itself beside them: what is left is the last pivot.
+    let mut squares = Matrix5::<f64>::zeros();
     let mut count = 0.0;
     for row in rows.filter(|row| row.iter().all(|value| value.is_finite())) {
         squares += row * row.transpose();
         count += 1.0;
     }
-    let known = squares.fixed_view::<3, 3>(0, 0) + Matrix3::from_diagonal_element(1e-12 * count);
-    let side = squares.fixed_view::<3, 1>(0, 3).into_owned();
+    let known = squares.fixed_view::<4, 4>(0, 0) + Matrix4::from_diagonal_element(1e-12 * count);
+    let side = squares.fixed_view::<4, 1>(0, 4).into_owned();
     let explained = known.cholesky().map_or(0.0, |factor| side.dot(&factor.solve(&side)));
-    scale * scale * (squares[(3, 3)] - explained).max(0.0) / f64::max(count, 1.0)
+    scale * scale * (squares[(4, 4)] - explained).max(0.0) / f64::max(count, 1.0)
 }
 
 #[cfg(test)]
@@ -94,6 +96,22 @@ mod tests {
         let other: Vec<f64> = (0..other.len()).map(|k| 1e-3 + 1.02 * other[k.saturating_sub(2)]).collect();
         let [there, back] = [left_behind(&one, &other, PERIOD), left_behind(&other, &one, PERIOD)];
         assert!((0.5..2.0).contains(&(there / back)), "{there:e} {back:e}");
+    }
+
+    #[test]
+    fn a_sensor_that_lags_is_no_play() {
+        let ram = motion(0.3, 0.0);
+        for lag in [2e-3, 1e-2] {
+            let mut state = ram[0];
+            let noise = motion(0.7, 0.0).into_iter().zip(motion(0.9, 0.0)).map(|(a, b)| a - b);
+            let follow = |&input: &f64| {
+                state += (input - state) * PERIOD / lag;
+                state
+            };
+            let user: Vec<f64> = ram.iter().map(follow).zip(noise).map(|(a, b)| a + b).collect();
+            let [there, back] = [left_behind(&user, &ram, PERIOD), left_behind(&ram, &user, PERIOD)];
+            assert!((0.5..2.0).contains(&(there / back)), "{lag}: {there:e} {back:e}");
+        }
     }
 
     #[test]
