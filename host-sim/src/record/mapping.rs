@@ -73,6 +73,8 @@ pub(super) enum UnitFrom {
     Name,
     /// The mapping, by a unit or a factor.
     Mapping,
+    /// A row of units under the header.
+    Row,
     /// Nothing: it is taken to be that of the channel.
     Nothing,
 }

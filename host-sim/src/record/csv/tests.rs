@@ -208,11 +208,10 @@ fn the_unit_of_a_clock_is_told_from_its_steps() {
             parse(&since_epoch(per_second), &[&format!("t_s=t_s[{unit}]")], None).expect(unit).record;
         assert!((record.sample_period_s() - 1e-3).abs() < 1e-9, "{unit}: {}", record.sample_period_s());
     }
-    let warnings = parse(&since_epoch(1_000_000), &[], None).expect("valid").warnings;
     assert_eq!(
-        warnings,
-        ["run.csv: the sampling period is 1000 s: is the time in seconds? It looks like microseconds: \
-             `--columns 't_s=t_s[us]'`"]
+        message(&since_epoch(1_000_000), &[], None),
+        "run.csv: column `t_s` (1): found a sampling period of 1000 s, expected 0.00001 to 0.1 s; it looks like \
+         microseconds: convert with `--columns 't_s=t_s[us]'`; if it is so, say it with `--columns 't_s=t_s[s]'`"
     );
 }
 
