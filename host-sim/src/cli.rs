@@ -1,6 +1,7 @@
 //! The command line, as it is typed.
 
 use crate::failure::EXIT_CODES;
+use crate::shell_word;
 use crate::verb;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueHint};
@@ -89,15 +90,7 @@ pub(crate) enum Verb {
 
 /// The command line of this run, as a shell takes it.
 pub(crate) fn command_line() -> String {
-    let quoted = |argument: std::ffi::OsString| {
-        let argument = argument.to_string_lossy().into_owned();
-        let is_plain = |c: char| c.is_alphanumeric() || "-_./=,:@%+".contains(c);
-        if !argument.is_empty() && argument.chars().all(is_plain) {
-            argument
-        } else {
-            format!("'{}'", argument.replace('\'', r"'\''"))
-        }
-    };
+    let quoted = |argument: std::ffi::OsString| shell_word::quoted(&argument.to_string_lossy()).into_owned();
     let arguments = std::env::args_os().skip(1).map(quoted);
     std::iter::once(env!("CARGO_PKG_NAME").to_owned()).chain(arguments).collect::<Vec<_>>().join(" ")
 }

@@ -22,6 +22,7 @@ pub mod plant;
 pub mod record;
 mod report;
 pub mod rig;
+mod shell_word;
 pub mod thesis;
 pub mod trace;
 pub mod verb;

@@ -46,6 +46,16 @@ fn unnamed(error: &io::Error) -> io::Error {
     error.kind().into()
 }
 
+/// Refuses a file that says by its rights that it is not to be changed: a rename would not ask them. They are looked at
+/// themselves, because a privileged user may open any file.
+fn replaceable(file: &Path) -> io::Result<()> {
+    if fs::metadata(file).is_ok_and(|old| old.permissions().readonly()) {
+        let reason = "it is read-only, expected another file or one that may be written to";
+        return Err(io::Error::new(ErrorKind::PermissionDenied, reason));
+    }
+    Ok(())
+}
+
 /// The regular file that `path` is or would be, so that two paths to one file are the same; none for a stream, or where
 /// no file can be.
 pub(crate) fn file_at(path: &Path) -> Option<PathBuf> {
@@ -55,7 +65,7 @@ pub(crate) fn file_at(path: &Path) -> Option<PathBuf> {
     }
 }
 
-/// Can a file be written at `path`, its directories made if they are not there? Leaves nothing behind.
+/// Can a file be written at `path`, in place of the one that is there, its directories made if they are not there? Leaves nothing behind.
 ///
 /// # Errors
 /// Why it cannot.
@@ -67,6 +77,7 @@ pub(crate) fn check(path: &Path) -> io::Result<()> {
         Err(error) if error.kind() == ErrorKind::NotADirectory => path.to_path_buf(),
         Err(error) => return Err(error),
     };
+    replaceable(&at)?;
     let mut directory = directory_of(&at);
     let found = loop {
         match fs::metadata(directory) {
@@ -88,7 +99,7 @@ pub(crate) fn check(path: &Path) -> io::Result<()> {
 /// Writes to a temporary file beside `path`, which takes its place at the end; what is no file is written to directly.
 ///
 /// # Errors
-/// A directory that is not there or cannot be written to, a full disk, or what `write` fails with; whatever was at
+/// A directory that is not there or cannot be written to, a file that is read-only, a full disk, or what `write` fails with; whatever was at
 /// `path` is untouched then.
 pub(crate) fn save(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let path = match place(path)? {
@@ -100,6 +111,7 @@ pub(crate) fn save(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result
             return out.flush();
         }
     };
+    replaceable(&path)?;
     let mut builder = tempfile::Builder::new();
     // The rights of an ordinary new file, as the user's mask allows, not the private ones of a temporary file.
     #[cfg(unix)]
@@ -146,6 +158,28 @@ mod tests {
         assert!(reason("file/run.csv").ends_with("file is a file, expected a directory"));
         assert!(reason("file/deep/run.csv").ends_with("file is a file, expected a directory"));
         assert_eq!(reason("."), "it is a directory, expected a file");
+        Ok(())
+    }
+
+    #[test]
+    fn a_read_only_file_is_not_replaced() -> io::Result<()> {
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().join("run.csv");
+        fs::write(&path, "old")?;
+        let writable = fs::metadata(&path)?.permissions();
+        let mut read_only = writable.clone();
+        read_only.set_readonly(true);
+        fs::set_permissions(&path, read_only)?;
+        let put = || save(&path, |out| out.write_all(b"new"));
+        for refused in [check(&path), put()] {
+            let error = refused.expect_err("a read-only file");
+            assert!(error.to_string().starts_with("it is read-only"), "{error}");
+        }
+        assert_eq!(fs::read_to_string(&path)?, "old");
+        fs::set_permissions(&path, writable)?;
+        check(&path)?;
+        put()?;
+        assert_eq!(fs::read_to_string(&path)?, "new");
         Ok(())
     }
 

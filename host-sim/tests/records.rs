@@ -173,7 +173,7 @@ fn a_header_must_name_each_required_column_once() {
     assert_eq!(
         renamed("t_s,command,lvdt_m"),
         "run.csv:1: `command_m` is missing: found `t_s`, `command`, `lvdt_m`; \
-         map one, such as `--columns command_m=command`"
+         map one, such as `--columns 'command_m=command'`"
     );
     assert_eq!(
         renamed("t_s,command_m,lvdt_m,lvdt_m"),
@@ -313,18 +313,48 @@ fn a_window_keeps_what_is_inside_and_checks_only_that() {
 }
 
 #[test]
-fn a_rate_that_no_logger_has_makes_the_unit_of_time_doubtful() {
-    let milliseconds = text_with(HEADER, 60, |row, column| (column == 0).then(|| row.to_string()));
-    let warnings = parse(&milliseconds).expect("valid").warnings;
+fn a_period_that_no_logger_has_is_taken_where_its_unit_is_stated() {
+    let stamps = |header: &str, stamp: fn(usize) -> String| {
+        text_with(header, 60, |row, column| (column == 0).then(|| stamp(row)))
+    };
+    let read = |text: &str, entries: &[&str], rate: Option<f64>| {
+        let columns = Mapping::parse(entries.iter().copied()).expect("a mapping");
+        let options = ReadOptions { columns, sample_rate_hz: rate, ..ReadOptions::default() };
+        parse_csv("run.csv", text.as_bytes(), &options)
+            .map(|loaded| (loaded.record.sample_period_s(), loaded.warnings))
+    };
+    let refused = |text: &str, entries: &[&str]| read(text, entries, None).expect_err("doubtful").to_string();
+    let milliseconds = stamps(HEADER, |row| row.to_string());
+    let doubt = |name: &str| {
+        format!(
+            "run.csv: column `{name}` (1): found a sampling period of 1 s, expected 0.00001 to 0.1 s; it looks like \
+             milliseconds: convert with `--columns 't_s={name}[ms]'`; if it is so, say it with `--columns 't_s={name}[s]'`"
+        )
+    };
+    assert_eq!(refused(&milliseconds, &[]), doubt("t_s"));
+    let named = milliseconds.replacen("t_s", "Zeit", 1);
+    assert_eq!(refused(&named, &["t_s=Zeit"]), doubt("Zeit"));
+    // What is stated holds: in the mapping, by a factor, or in a row of units.
+    let taken = |text: &str, entries: &[&str]| read(text, entries, None).expect("stated");
+    assert_eq!(taken(&named, &["t_s=Zeit[ms]"]), (1e-3, vec![]));
+    assert_eq!(taken(&named, &["t_s=Zeit[s]"]), (1.0, vec![]));
+    assert_eq!(taken(&named, &["t_s=Zeit*1"]), (1.0, vec![]));
+    let (header, rows) = milliseconds.split_once('\n').expect("rows");
+    let cells = header.matches(',').count();
+    let with_units = format!("{header}\ns{}\n{rows}", ",".repeat(cells));
+    assert_eq!(taken(&with_units, &[]), (1.0, vec![]));
+    // Faster than any logger: no unit is offered.
     assert_eq!(
-        warnings,
-        [
-            "run.csv: the sampling period is 1 s: is the time in seconds? It looks like milliseconds: `--columns 't_s=t_s[ms]'`"
-        ]
+        refused(&stamps(HEADER, |row| format!("{row}e-6")), &[]),
+        "run.csv: column `t_s` (1): found a sampling period of 0.000001 s, expected 0.00001 to 0.1 s; if it is so, say it \
+         with `--columns 't_s=t_s[s]'`"
     );
-    let microseconds = text_with(HEADER, 60, |row, column| (column == 0).then(|| format!("{row}e-6")));
-    let warnings = parse(&microseconds).expect("valid").warnings;
-    assert_eq!(warnings, ["run.csv: the sampling period is 0.000001 s: is the time in seconds?"]);
+    // A rate states the period, where there is no time or where stamps jitter.
+    let timeless = milliseconds.replacen("t_s", "n", 1);
+    let (period, _) = read(&timeless, &[], Some(1.0)).expect("a rate");
+    assert_eq!(period, 1.0);
+    let jitter = stamps(HEADER, |row| format!("{:.3}", row as f64 + 0.1 * (row % 2) as f64));
+    assert_eq!(read(&jitter, &[], Some(1.0)).expect("a grid").0, 1.0);
 }
 
 #[test]

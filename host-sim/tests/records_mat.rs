@@ -294,7 +294,7 @@ fn a_rate_stands_in_for_the_time() {
     let bytes = file.with(&x).with(&y).bytes;
     assert_eq!(
         message(&bytes, &[]),
-        "run.mat: `t_s` is missing: found `command_m`, `lvdt_m`; map one: `--columns t_s=NAME`, or give the sampling rate: \
+        "run.mat: `t_s` is missing: found `command_m`, `lvdt_m`; map one: `--columns 't_s=NAME'`, or give the sampling rate: \
          `--rate HZ`"
     );
     let options = ReadOptions { sample_rate_hz: Some(2000.0), ..ReadOptions::default() };

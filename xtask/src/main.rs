@@ -19,7 +19,7 @@ struct Arguments {
 /// A job.
 #[derive(Subcommand)]
 enum Task {
-    /// Install what the tests need: the Rust target, QEMU, and a browser (skipped where it cannot be had).
+    /// Install what the tests need: the Rust target, QEMU; a browser and shells, without which some are skipped.
     Setup,
     /// Every job below, in this order, after `setup`; stops at the first failure.
     Ci,

@@ -1,5 +1,5 @@
 //! Installs what the tests need beside Rust: what those of the firmware need, or a message that says exactly what is
-//! missing; a browser for those of the reports, which are skipped without one.
+//! missing; a browser for those of the reports and shells for those of their completions, which are skipped without.
 
 use crate::job::{self, Failure, TARGET};
 use std::{path::Path, process::Command};
@@ -8,12 +8,17 @@ use std::{path::Path, process::Command};
 const QEMU: &str = "qemu-system-arm";
 /// The browser's program, and its package in Debian.
 const BROWSER: &str = "chromium";
+/// Programs of the shells beside bash, and their packages in Debian.
+const SHELLS: [&str; 2] = ["zsh", "fish"];
 
-/// Installs the Rust target, QEMU and a browser where they are absent. All are tried, so that one run tells all that is
-/// missing. It is no failure if there is no browser.
+/// Installs the Rust target, QEMU, a browser and shells where they are absent. All are tried, so that one run tells all that
+/// is missing. It is no failure if there is no browser or a shell is missing.
 pub(crate) fn run() -> Result<(), Failure> {
     if let Err(missing) = program(BROWSER) {
         eprintln!("xtask: {missing}; without it, the tests that look at reports are skipped");
+    }
+    if let Err(missing) = packages(&SHELLS, || SHELLS.into_iter().all(has)) {
+        eprintln!("xtask: {missing}; without them, the tests of completions in those shells are skipped");
     }
     match (target(), program(QEMU)) {
         (Err(target), Err(qemu)) => Err(Failure::Missing(format!("{target}\n{qemu}"))),

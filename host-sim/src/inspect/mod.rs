@@ -4,6 +4,7 @@ pub mod excitation;
 mod likeness;
 pub mod screen;
 pub(crate) mod setup;
+mod slack;
 
 use crate::fit;
 use crate::output::{counted, quantity};

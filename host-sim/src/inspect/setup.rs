@@ -4,6 +4,7 @@
 //! says of it. Faults change that by less than the limits here, a wrong unit by more.
 
 use super::likeness::{correlation, likeness, response, slope};
+use super::slack::left_behind;
 use crate::fit;
 use crate::record::Record;
 use crate::record::units::units_of;
@@ -22,6 +23,9 @@ const BEYOND: f64 = 0.01;
 const ABOUT: f64 = 0.2;
 /// Millimetres of an inch: a column of millimetres that was taken for inches.
 const INCH: f64 = 25.4;
+/// How many times more, in mean square, the user's position behind a play of the ram must leave than the other way round,
+/// and than noise does.
+const MORE: f64 = 2.0;
 /// Samples by which a position must be ahead of its command: a clock that is one off is another matter.
 const AHEAD: f64 = 2.0;
 
@@ -39,7 +43,7 @@ const fn most(channel: Channel) -> f64 {
 
 /// What the user should look at before anything is fitted.
 pub(crate) fn remarks(rig: &Rig, record: &Record) -> Vec<String> {
-    [clipped(rig, record), beyond_stop(rig, record), ahead(rig, record), against_model(rig, record)].concat()
+    [clipped, beyond_stop, ahead, ram_behind_user, against_model].map(|look| look(rig, record)).concat()
 }
 
 /// Sensors that end within the motion.
@@ -107,9 +111,44 @@ fn ahead(rig: &Rig, record: &Record) -> Vec<String> {
     backward
         .into_iter()
         .map(|back| {
-            format!("lvdt_m is {:.1} ms ahead of command_m: are their columns swapped?", back.delay_s * 1e3)
+            format!(
+                "lvdt_m is {:.1} ms ahead of command_m: are their columns swapped? {}",
+                back.delay_s * 1e3,
+                exchanged(record, [Channel::UserPosition, Channel::Command])
+            )
         })
         .collect()
+}
+
+/// A ram that has the play which the user's position has to have.
+fn ram_behind_user(rig: &Rig, record: &Record) -> Vec<String> {
+    let pair = [Channel::UserPosition, Channel::RamPosition];
+    let [user, ram] = pair.map(|channel| record.channel(channel).unwrap_or_default());
+    let noise = fit::noise_of(rig, record);
+    let of_noise: f64 = iter::zip(Channel::MEASURED, noise)
+        .filter(|(channel, noise)| pair.contains(channel) && noise.is_finite())
+        .map(|(_, noise)| noise * noise)
+        .sum();
+    let period = record.sample_period_s();
+    let foreseen = left_behind(user, ram, period);
+    let exchange = left_behind(ram, user, period);
+    let is_swapped = foreseen > MORE * exchange.max(of_noise);
+    let remark = || {
+        format!(
+            "ram_m rests where lvdt_m turns, as if the play of the linkage were its own: are their columns swapped? {}",
+            exchanged(record, pair)
+        )
+    };
+    is_swapped.then(remark).into_iter().collect()
+}
+
+/// The option that reads two channels from the columns of each other. Where they have one unit, a column keeps what was
+/// said of its own; else a channel does.
+fn exchanged(record: &Record, [one, other]: [Channel; 2]) -> String {
+    let [of_one, of_other] = [one, other].map(|channel| record.factor(channel));
+    let is_same = one.info().unit == other.info().unit;
+    let [to_one, to_other] = if is_same { [of_other, of_one] } else { [of_one, of_other] };
+    record.columns_option(&[(one, other, to_one), (other, one, to_other)])
 }
 
 /// A measured channel, and what stands beside it: the model's, or the command where no loop is known.
@@ -156,24 +195,29 @@ fn against_model(rig: &Rig, record: &Record) -> Vec<String> {
             let crossed = [correlation(one.measured, &other.model), correlation(other.measured, &one.model)]
                 .map(f64::abs);
             if own.into_iter().all(|own| own < UNLIKE) && crossed.into_iter().all(|crossed| crossed > ALIKE) {
-                let [one, other] = [one.channel, other.channel];
-                swapped.extend([one, other]);
-                found.push(format!("{} and {} look swapped", one.info().column, other.info().column));
+                let pair = [one.channel, other.channel];
+                let [one, other] = pair.map(|channel| channel.info().column);
+                swapped.extend(pair);
+                found.push(format!("{one} and {other} look swapped: {}", exchanged(record, pair)));
             }
         }
     }
-    found.extend(all.iter().filter(|one| !swapped.contains(&one.channel)).filter_map(Beside::remark));
+    found.extend(
+        all.iter().filter(|one| !swapped.contains(&one.channel)).filter_map(|one| one.remark(record)),
+    );
     found
 }
 
 impl Beside<'_> {
-    fn remark(&self) -> Option<String> {
+    fn remark(&self, record: &Record) -> Option<String> {
+        let anew = |factor: f64| record.columns_option(&[(self.channel, self.channel, factor)]);
+        let factor = record.factor(self.channel);
         let column = self.channel.info().column;
         let alike = correlation(self.measured, &self.model);
         if alike < -UNLIKE {
             return Some(format!(
-                "{column} goes the other way than it is told to (correlation {alike:.2}): is its sign another one? \
-                 `--columns {column}=NAME*-1`"
+                "{column} goes the other way than it is told to (correlation {alike:.2}): is its sign another one? {}",
+                anew(-factor)
             ));
         }
         let ratio = slope(self.measured, &self.model);
@@ -182,19 +226,22 @@ impl Beside<'_> {
             return None;
         }
         let is_about = |other: f64| (ratio / other - 1.0).abs() < ABOUT;
-        let in_unit = units_of(self.channel.info()).find(|unit| is_about(unit.factor.recip()));
-        let source = match in_unit {
-            Some(unit) => format!("NAME[{}]", unit.symbol),
-            None if is_about(INCH) => format!("NAME*{:.5}", INCH.recip()),
-            None => format!("NAME*{:.3e}", ratio.recip()),
+        let in_unit = units_of(self.channel.info()).find(|unit| is_about(factor.abs() / unit.factor));
+        let meant = match in_unit {
+            Some(unit) => unit.factor.copysign(factor),
+            None if is_about(INCH) => factor / INCH,
+            None => rounded(factor / ratio),
         };
         let times = if ratio > 1.0 {
             format!("{ratio:.1} times more")
         } else {
             format!("{:.1} times less", ratio.recip())
         };
-        Some(format!(
-            "{column} moves {times} than the rig foresees: is it in another unit? `--columns {column}={source}`"
-        ))
+        Some(format!("{column} moves {times} than the rig foresees: is it in another unit? {}", anew(meant)))
     }
+}
+
+/// A number to four digits.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.3e}").parse().unwrap_or(value)
 }

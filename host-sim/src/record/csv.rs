@@ -139,10 +139,11 @@ pub fn parse_csv(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Load
     table.series = columns
         .iter()
         .zip(values)
-        .map(|(Found { channel, source, factor, .. }, values)| Series {
+        .map(|(Found { channel, source, factor, unit }, values)| Series {
             channel: *channel,
             field: field(&names, *source),
             factor: *factor,
+            unit: *unit,
             values,
         })
         .collect();

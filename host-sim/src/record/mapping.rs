@@ -6,12 +6,16 @@ use eha_monitor::channel::{CHANNELS, Channel, ChannelInfo};
 
 use super::error::Problem;
 use super::units::{Unit, unit, units_of};
+use crate::shell_word;
 
 /// Least similarity of two names (normalised Damerau-Levenshtein) for one to be offered for the other.
 const SIMILAR: f64 = 0.75;
 
 /// Least likeness (Jaro-Winkler, which counts the first letters most) of a name that is there to one that is not.
 const LIKE: f64 = 0.8;
+
+/// Relative difference of two factors that is none.
+const ROUNDING: f64 = 1e-9;
 
 /// Where the channels are found in a file, and the factors that bring them to the unit of the channel.
 ///
@@ -69,6 +73,8 @@ pub(super) enum UnitFrom {
     Name,
     /// The mapping, by a unit or a factor.
     Mapping,
+    /// A row of units under the header.
+    Row,
     /// Nothing: it is taken to be that of the channel.
     Nothing,
 }
@@ -159,7 +165,7 @@ fn how_to_map(info: &ChannelInfo, present: &[String]) -> String {
     });
     let map = match meant {
         Some(entry) => format!("map one, such as {}", option(&entry)),
-        None => format!("map one: `--columns {}=NAME`", info.column),
+        None => format!("map one: {}", option(&format!("{}=NAME", info.column))),
     };
     match info.channel {
         Channel::Time => format!("{map}, or give the sampling rate: `--rate HZ`"),
@@ -167,14 +173,9 @@ fn how_to_map(info: &ChannelInfo, present: &[String]) -> String {
     }
 }
 
-/// An entry as the option that says it, quoted where a shell would read something else.
+/// An entry as the option that says it, to be pasted into a shell.
 pub(super) fn option(entry: &str) -> String {
-    let is_plain = |c: char| c.is_alphanumeric() || "_=.,+-".contains(c);
-    if entry.chars().all(is_plain) {
-        format!("`--columns {entry}`")
-    } else {
-        format!("`--columns '{entry}'`")
-    }
+    format!("`--columns {}`", shell_word::quoted(entry))
 }
 
 impl Entry {
@@ -262,6 +263,20 @@ fn entry_for(name: &str, info: &ChannelInfo, unit: Option<&Unit>) -> String {
     format!("{}={name}{}", info.column, unit.unwrap_or_default())
 }
 
+/// The entry that reads a channel from a name with a factor, whatever the file or the name says of a unit.
+pub(super) fn entry_with(info: &ChannelInfo, name: &str, factor: f64) -> String {
+    let own = name.strip_suffix(']').and_then(|rest| Some(rest.rsplit_once('[')?.1)).and_then(unit);
+    let is_in = |unit: &&Unit| (factor.abs() / unit.factor - 1.0).abs() < ROUNDING;
+    let scaling = match units_of(info).find(is_in) {
+        Some(unit) => {
+            let symbol = if own == Some(unit) { String::new() } else { format!("[{}]", unit.symbol) };
+            format!("{symbol}{}", if factor < 0.0 { "*-1" } else { "" })
+        }
+        None => format!("*{:e}", factor / own.map_or(1.0, |unit| unit.factor)),
+    };
+    format!("{}={name}{scaling}", info.column)
+}
+
 /// The channel that a name, itself not that of a column, may stand for, and the unit that it ends in.
 fn closest(name: &str) -> Option<(&'static ChannelInfo, Option<&'static Unit>)> {
     if CHANNELS.iter().any(|info| info.column == name) {
@@ -345,7 +360,7 @@ mod tests {
         assert_eq!(hint("lvdt_m=Position2", &names), meant("'lvdt_m=Position 2 [mm]'"));
         assert_eq!(hint("lvdt_m=force*2", &names), meant("'lvdt_m=Force*2'"));
         assert_eq!(hint("lvdt_m=Positio2[mm]*2", &names), meant("'lvdt_m=Position 2 [mm]*2'"));
-        assert_eq!(hint("lvdt_m=Pos", &names), meant("lvdt_m=Positon"));
+        assert_eq!(hint("lvdt_m=Pos", &names), meant("'lvdt_m=Positon'"));
         assert_eq!(hint("lvdt_m=pressure", &names), None);
     }
 
@@ -357,6 +372,25 @@ mod tests {
             .resolve(false, &[], |name| names.iter().position(|&other| other == name))
             .map(|all| all.iter().map(|found| (found.source, found.factor)).collect::<Vec<_>>());
         assert_eq!(found.expect("all there"), [(0, 1.0), (2, 1e-3), (1, 1e-3)]);
+    }
+
+    #[test]
+    fn an_entry_that_is_offered_has_the_factor_that_it_was_made_for() {
+        for (name, made_for, expected) in [
+            ("pos", 1e-3, "lvdt_m=pos[mm]"),
+            ("pos", 1.0, "lvdt_m=pos[m]"),
+            ("pos", -1e-2, "lvdt_m=pos[cm]*-1"),
+            ("pos", 1.5e-5, "lvdt_m=pos*1.5e-5"),
+            ("Pos [mm]", 1e-3, "lvdt_m=Pos [mm]"),
+            ("Pos [mm]", -1e-3, "lvdt_m=Pos [mm]*-1"),
+            ("Pos [mm]", 1e-2, "lvdt_m=Pos [mm][cm]"),
+            ("Pos [mm]", 2e-3, "lvdt_m=Pos [mm]*2e0"),
+            ("data(:,2)", -1.0, "lvdt_m=data(:,2)[m]*-1"),
+        ] {
+            let entry = entry_with(Channel::UserPosition.info(), name, made_for);
+            assert_eq!((entry.as_str(), factor(&entry)), (expected, made_for));
+            assert_eq!(Mapping::split(&entry).count(), 1);
+        }
     }
 
     #[test]
@@ -379,12 +413,13 @@ mod tests {
         let offers =
             |name, option: &str| assert_eq!(offer(name), format!("map it with `--columns {option}`"));
         offers("lvdt_mm", "'lvdt_m=lvdt_mm[mm]'");
-        offers("command", "command_m=command");
+        offers("command", "'command_m=command'");
         offers("LVDT [mm]", "'lvdt_m=LVDT [mm]'");
-        offers("Time", "t_s=Time");
+        offers("Time", "'t_s=Time'");
         offers("time_ms", "'t_s=time_ms[ms]'");
-        offers("comand_m", "command_m=comand_m");
+        offers("comand_m", "'command_m=comand_m'");
         offers("LVDT_M", "'lvdt_m=LVDT_M[m]'");
+        offers("~time", "'t_s=~time'");
         assert_eq!(offer("temperature_C"), "");
         assert_eq!(offer("ram_m"), "", "a column of the table, left out on purpose");
         assert_eq!(offer(""), "");

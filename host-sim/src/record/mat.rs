@@ -129,7 +129,13 @@ pub fn parse_mat(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Load
         if found.channel.info().role == ChannelRole::Measured && missing(&values) > 0 {
             table.warn(&format!("{field}: NaN is read as a missing sample"));
         }
-        table.series.push(Series { channel: found.channel, field, factor: found.factor, values });
+        table.series.push(Series {
+            channel: found.channel,
+            field,
+            factor: found.factor,
+            unit: found.unit,
+            values,
+        });
     }
     table.into_loaded(options)
 }

@@ -43,7 +43,7 @@ pub struct Record {
     sample_period_s: f64,
     start_time_s: f64,
     /// In the order of the channel table, without time.
-    series: Vec<(Channel, Vec<f64>)>,
+    series: Vec<Series>,
 }
 
 /// What to read from a file, and how.
@@ -141,7 +141,6 @@ impl Record {
     /// A record of series that passed every check.
     fn of_checked(name: String, sample_period_s: f64, start_time_s: f64, mut series: Vec<Series>) -> Self {
         series.sort_by_key(|series| CHANNELS.iter().position(|info| info.channel == series.channel));
-        let series = series.into_iter().map(|series| (series.channel, series.values)).collect();
         Self { name, sample_period_s, start_time_s, series }
     }
 
@@ -175,7 +174,7 @@ impl Record {
     /// Number of samples.
     #[expect(clippy::len_without_is_empty, reason = "a record has at least MIN_SAMPLES samples")]
     pub fn len(&self) -> usize {
-        self.series.first().map_or(0, |(_, values)| values.len())
+        self.series.first().map_or(0, |series| series.values.len())
     }
 
     /// The values of a channel in its unit, NaN where the sample is missing; `None` if the record does not have it.
@@ -186,7 +185,7 @@ impl Record {
 
     /// The channels of the record, in the order of the channel table, without the time.
     pub fn channels(&self) -> impl Iterator<Item = (Channel, &[f64])> {
-        self.series.iter().map(|(channel, values)| (*channel, values.as_slice()))
+        self.series.iter().map(|series| (series.channel, series.values.as_slice()))
     }
 
     /// How many samples of a channel are missing; 0 if the record does not have the channel.
@@ -194,11 +193,32 @@ impl Record {
         self.channel(channel).map_or(0, table::missing)
     }
 
+    /// Unit of a channel per unit of the column or variable that it was read from; 1 where it was read from none.
+    pub(crate) fn factor(&self, channel: Channel) -> f64 {
+        self.source(channel).map_or(1.0, |source| source.factor)
+    }
+
+    /// The option that reads channels otherwise than this record did: each from the source of another one, or its own,
+    /// with another factor.
+    pub(crate) fn columns_option(&self, anew: &[(Channel, Channel, f64)]) -> String {
+        let entry = |&(channel, from, factor): &(Channel, Channel, f64)| {
+            let name = self.source(from).map_or(from.info().column, |source| source.field.name());
+            mapping::entry_with(channel.info(), name, factor)
+        };
+        mapping::option(&anew.iter().map(entry).collect::<Vec<_>>().join(","))
+    }
+
+    fn source(&self, channel: Channel) -> Option<&Series> {
+        self.series.iter().find(|series| series.channel == channel)
+    }
+
     /// The record with every sample of its command one sample earlier, the last one repeated.
     #[must_use]
     pub fn with_earlier_command(&self) -> Self {
         let mut record = self.clone();
-        for (_, values) in record.series.iter_mut().filter(|(channel, _)| *channel == Channel::Command) {
+        for Series { values, .. } in
+            record.series.iter_mut().filter(|series| series.channel == Channel::Command)
+        {
             let last = values.len() - 1;
             values.copy_within(1.., 0);
             values[last] = values[last - 1];
@@ -211,7 +231,7 @@ impl Record {
     #[must_use]
     pub fn with_lost(&self, samples: impl Fn(Channel) -> Vec<usize>) -> Self {
         let mut record = self.clone();
-        for (channel, values) in &mut record.series {
+        for Series { channel, values, .. } in &mut record.series {
             let lost = samples(*channel);
             if values.len() - table::missing(values) >= lost.len() + MIN_SAMPLES {
                 for sample in lost {

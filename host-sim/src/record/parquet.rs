@@ -71,7 +71,13 @@ fn decoded(file: &str, path: &Path, options: &ReadOptions) -> Result<Loaded, Rec
             table.resolution = Resolution::of_singles(&values);
         }
         let field = Field::Variable(names[column.source].clone());
-        table.series.push(Series { channel: column.channel, field, factor: column.factor, values });
+        table.series.push(Series {
+            channel: column.channel,
+            field,
+            factor: column.factor,
+            unit: column.unit,
+            values,
+        });
     }
     table.into_loaded(options)
 }

@@ -1,6 +1,6 @@
 //! Does the size of a channel's values fit its unit?
 //!
-//! Two rules, both on values that are present:
+//! Three rules, on values that are present:
 //!
 //! 1. The largest magnitude is at most [`ChannelInfo::plausible`] of the channel table; of a time, that of what has passed
 //!    since the first sample. Above it, whole numbers beyond 50 times the limit are called sensor counts; otherwise the
@@ -9,6 +9,7 @@
 //! 2. A measured position moves at most 100 times as far as the command asks (peak to peak). This finds a small
 //!    motion in millimetres beside a command in metres. It needs a command that moves, and is left out
 //!    where a driving force replaces the valve.
+//! 3. Where only a name says that a time is in seconds, or nothing, the sampling period is one of a logger.
 
 use std::fmt;
 use std::ops::RangeInclusive;
@@ -27,7 +28,7 @@ const COUNTS_FROM: f64 = 50.0;
 const MOST_TRAVEL: f64 = 100.0;
 
 /// Sampling periods of loggers, s: with others, the unit of the time is doubted.
-pub(super) const PERIODS: RangeInclusive<f64> = 1e-5..=0.1;
+const PERIODS: RangeInclusive<f64> = 1e-5..=0.1;
 
 /// A magnitude that does not fit its unit, and what it looks like.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,6 +62,8 @@ pub enum Excess {
         /// Peak to peak of the command.
         command: f64,
     },
+    /// The sampling period is none of a logger.
+    Period(f64),
 }
 
 impl fmt::Display for Suspicion {
@@ -75,6 +78,12 @@ impl fmt::Display for Suspicion {
                 "found {position} from peak to peak where the command moves by {command} {unit}, \
                  expected at most {MOST_TRAVEL} times the command"
             )?,
+            Excess::Period(period) => write!(
+                f,
+                "found a sampling period of {period} s, expected {} to {} s",
+                PERIODS.start(),
+                PERIODS.end()
+            )?,
         }
         match looks_like {
             Some(Unit { name, symbol, .. }) => {
@@ -82,14 +91,19 @@ impl fmt::Display for Suspicion {
                     f,
                     "; it looks like {name}: convert with {}",
                     option(&format!("{column}={source}[{symbol}]"))
-                )
+                )?;
             }
+            None if matches!(self.found, Excess::Period(_)) => {}
             None => write!(
                 f,
                 "; it looks like sensor counts: give the scale in {unit} per count, as in {}",
                 option(&format!("{column}={source}*1.5e-5"))
-            ),
+            )?,
         }
+        if matches!(self.found, Excess::Period(_)) {
+            write!(f, "; if it is so, say it with {}", option(&format!("{column}={source}[{unit}]")))?;
+        }
+        Ok(())
     }
 }
 
@@ -143,6 +157,13 @@ pub(super) fn travel(all: &[Series]) -> Option<(&Series, Suspicion)> {
         })
 }
 
+/// What is suspected of a time whose samples are `period`, s, apart, if that breaks rule 3.
+pub(super) fn period(period: f64, time: &Series) -> Option<Suspicion> {
+    let looks_like = unit_of_step(period, time.factor);
+    let suspect = || suspicion(Channel::Time.info(), time, Excess::Period(period), looks_like);
+    (!PERIODS.contains(&period)).then(suspect)
+}
+
 fn suspicion(
     info: &ChannelInfo,
     series: &Series,
@@ -155,7 +176,7 @@ fn suspicion(
 
 /// The unit of a time whose steps are so long, s, as it was converted: the largest smaller one in which a logger may take
 /// them.
-pub(super) fn unit_of_step(step: f64, factor: f64) -> Option<&'static Unit> {
+fn unit_of_step(step: f64, factor: f64) -> Option<&'static Unit> {
     let (raw, factor) = (step / factor, factor.abs());
     units_of(Channel::Time.info()).find(|unit| unit.factor < factor && PERIODS.contains(&(raw * unit.factor)))
 }

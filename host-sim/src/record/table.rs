@@ -3,7 +3,7 @@
 use eha_monitor::channel::{Channel, ChannelRole};
 
 use super::error::{Field, Problem, RecordError};
-use super::mapping::option;
+use super::mapping::UnitFrom;
 use super::time_base::{Grid, Resolution, on_grid, uniform};
 use super::{Loaded, MIN_SAMPLES, ReadOptions, Record, plausible};
 
@@ -14,13 +14,16 @@ pub(super) struct Series {
     pub(super) field: Field,
     /// Unit of the channel per unit in which the values were.
     pub(super) factor: f64,
+    /// What says so.
+    pub(super) unit: UnitFrom,
     pub(super) values: Vec<f64>,
 }
 
 impl Series {
     /// Values that come from no file.
     pub(super) fn in_memory(channel: Channel, values: Vec<f64>) -> Self {
-        Self { channel, field: Field::Channel(channel.info().column), factor: 1.0, values }
+        let field = Field::Channel(channel.info().column);
+        Self { channel, field, factor: 1.0, unit: UnitFrom::Name, values }
     }
 }
 
@@ -63,9 +66,11 @@ impl Table {
         let time = self.cut(time, options);
         self.check_length(time.values.len())?;
         self.check_magnitude(&time)?;
+        let mut is_in_seconds = !has_time || matches!(time.unit, UnitFrom::Mapping | UnitFrom::Row);
         let clock = match (uniform(&time.values, self.resolution), options.sample_rate_hz) {
             (Err(_), Some(rate)) => on_grid(&time.values, rate).map(|grid| {
                 self.spread(&grid, &time.field, rate);
+                is_in_seconds = true;
                 (grid.start, rate.recip())
             }),
             (clock, rate) => {
@@ -77,12 +82,10 @@ impl Table {
         };
         let (start, period) = clock.map_err(|(index, problem)| self.at(&time, index, problem))?;
         self.check_values()?;
-        if !plausible::PERIODS.contains(&period) {
-            let hint = plausible::unit_of_step(period, time.factor).map_or(String::new(), |unit| {
-                let entry = format!("{}={}[{}]", Channel::Time.info().column, time.field.name(), unit.symbol);
-                format!(" It looks like {}: {}", unit.name, option(&entry))
-            });
-            self.warn(&format!("the sampling period is {period} s: is the time in seconds?{hint}"));
+        if let Some(suspicion) = plausible::period(period, &time).filter(|_| !is_in_seconds) {
+            return Err(
+                RecordError::new(&self.file, Problem::Implausible(suspicion)).in_field(time.field.clone())
+            );
         }
         self.report_missing();
         let Self { file, series, warnings, .. } = self;

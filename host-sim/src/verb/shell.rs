@@ -5,7 +5,7 @@ use crate::cli::{Cli, Common};
 use crate::failure::Failure;
 use crate::output;
 use crate::rig::BUILT_IN;
-use clap::builder::PossibleValuesParser;
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Arg, Command, CommandFactory as _, ValueHint};
 use clap_complete::Shell;
 use eha_monitor::channel::Channel;
@@ -24,6 +24,7 @@ pub struct CompletionsOptions {
 #[derive(Clone, Debug, clap::Args)]
 pub struct ManOptions {
     /// Verb to print the page of; the program's own by default. With `--out`, every page is written.
+    #[arg(id = "verb-to-show", value_name = "VERB")]
     verb: Option<String>,
 }
 
@@ -38,18 +39,23 @@ pub fn completions(options: &CompletionsOptions) -> Result<(), Failure> {
     let name = command.get_name().to_owned();
     let mut text = Vec::new();
     clap_complete::generate(options.shell, &mut command, name.as_str(), &mut text);
-    let text = String::from_utf8_lossy(&text);
-    output::print(if is_bash { with_labels(&text, &name) } else { text.into_owned() }.trim_end())
+    let text = String::from_utf8_lossy(&text).into_owned();
+    let text = match options.shell {
+        Shell::Bash => with_labels(&text, &name),
+        Shell::Zsh => mended_for_zsh(&text, &command),
+        Shell::Fish => text + &more_for_fish(&command),
+        _ => text,
+    };
+    output::print(text.trim_end())
 }
 
-/// An argument that takes names, with those that it knows. Bash goes on to files where no name fits; the other shells
-/// would not, so there what may be a file as well stays one.
+/// An argument that takes names, with those that it knows. Bash goes on to files where no name fits; to other shells, the
+/// generator would say that there are none, so what may be a file as well stays one, and its names are added later.
 fn with_names(arg: Arg, goes_on_to_files: bool) -> Arg {
-    let may_be_file = arg.get_value_names().into_iter().flatten().any(|name| name.contains("FILE"));
-    let Some((names, mark)) = names_of(arg.get_id().as_str()).filter(|_| goes_on_to_files || !may_be_file)
-    else {
+    if may_be_file(&arg) && !goes_on_to_files {
         return arg;
-    };
+    }
+    let Some((names, mark)) = names_of(arg.get_id().as_str()) else { return arg };
     let names: Vec<String> = names.into_iter().map(|name| format!("{name}{mark}")).collect();
     // A default is no name: `bkl=1e-4..2e-4`.
     let arg = arg.default_values([""; 0]).value_parser(PossibleValuesParser::new(names));
@@ -57,17 +63,36 @@ fn with_names(arg: Arg, goes_on_to_files: bool) -> Arg {
     if mark.is_empty() { arg } else { arg.value_hint(ValueHint::Other) }
 }
 
+/// May an argument be a file in place of a name? Its value says so.
+fn may_be_file(arg: &Arg) -> bool {
+    value_name(arg).is_some_and(|name| name.contains("FILE"))
+}
+
+fn value_name(arg: &Arg) -> Option<&str> {
+    arg.get_value_names()?.first().map(clap::builder::Str::as_str)
+}
+
+/// The names that may stand in place of a file.
+fn names_beside_files(arg: &Arg) -> Option<String> {
+    let (names, _) = names_of(arg.get_id().as_str()).filter(|_| may_be_file(arg))?;
+    Some(names.join(" "))
+}
+
 /// The names that an argument, whose own is the same in every verb, knows; and what follows one of them.
-fn names_of(arg: &str) -> Option<(Vec<&'static str>, &'static str)> {
-    let channels = || Channel::MEASURED.map(|channel| channel.info().column).to_vec();
+fn names_of(arg: &str) -> Option<(Vec<String>, &'static str)> {
+    let named = |names: &[&str]| names.iter().map(ToString::to_string).collect();
+    let channels = || named(&Channel::MEASURED.map(|channel| channel.info().column));
     Some(match arg {
-        "rig" | "rig-to-show" => (BUILT_IN.map(|built_in| built_in.name).to_vec(), ""),
-        "command" => (COMMANDS.map(|command| command.name).to_vec(), ""),
+        "rig" | "rig-to-show" => (named(&BUILT_IN.map(|built_in| built_in.name)), ""),
+        "command" => (named(&COMMANDS.map(|command| command.name)), ""),
         "channels" => (channels(), ""),
         "noise" | "quantum" => (channels(), "="),
-        "effects" => (EFFECTS.iter().map(|effect| effect.name).collect(), "="),
+        "effects" => (EFFECTS.iter().map(|effect| effect.name.to_owned()).collect(), "="),
         "set" | "at" | "bounds" | "truth" | "grow" | "watch" => {
-            (PARAMETERS.iter().map(|parameter| parameter.name).collect(), "=")
+            (PARAMETERS.iter().map(|parameter| parameter.name.to_owned()).collect(), "=")
+        }
+        "verb-to-show" => {
+            (Cli::command().get_subcommands().map(|verb| verb.get_name().to_owned()).collect(), "")
         }
         _ => return None,
     })
@@ -77,6 +102,61 @@ fn names_of(arg: &str) -> Option<(Vec<&'static str>, &'static str)> {
 /// where a verb is recognised, and in another one where its options stand.
 fn with_labels(text: &str, name: &str) -> String {
     text.replace(&name.replace('-', "__subcmd__"), &name.replace('-', "__"))
+}
+
+/// The script for zsh with names where they may stand in place of a file, and with options behind files: the generator
+/// says (`*::`) that a list of files goes to the end. A line has one option, or what stands alone.
+fn mended_for_zsh(text: &str, command: &Command) -> String {
+    let arguments = command.get_subcommands().chain([command]).flat_map(Command::get_arguments);
+    let of_arguments: Vec<(String, String)> = arguments
+        .filter_map(|arg| {
+            let value = value_name(arg)?;
+            let place =
+                if arg.is_positional() { format!(":{} -- ", arg.get_id()) } else { format!("]:{value}:") };
+            Some((place, names_beside_files(arg)?))
+        })
+        .collect();
+    let lines = text.lines().map(|line| line.replacen("'*::", "'*:", 1));
+    let lines = lines.map(|line| match of_arguments.iter().find(|(place, _)| line.contains(place)) {
+        None => line,
+        Some((_, names)) => {
+            let both = format!(r#": _alternative "names\:name\:({names})" "files\:file\:_files"'"#);
+            line.replace(":_default'", &both)
+        }
+    });
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+/// What the script for fish lacks: names in place of a file, names that stand alone, and that a verb that takes nothing
+/// takes no file.
+fn more_for_fish(command: &Command) -> String {
+    let name = command.get_name();
+    let of_command = |command: &Command, is_it: &str| -> String {
+        let line = |rest: String| format!("complete -c {name} -n \"{is_it}\" {rest}\n");
+        let of_argument = |arg: &Arg| {
+            let known = || {
+                let values = arg.get_possible_values();
+                values.iter().map(PossibleValue::get_name).collect::<Vec<_>>().join(" ")
+            };
+            match (arg.get_long(), names_beside_files(arg)) {
+                (Some(long), Some(names)) => line(format!("-l {long} -r -F -a \"{names}\"")),
+                (Some(_), None) => String::new(),
+                (None, Some(names)) => line(format!("-F -a \"{names}\"")),
+                (None, None) if known().is_empty() => String::new(),
+                (None, None) => line(format!("-f -a \"{}\"", known())),
+            }
+        };
+        let takes_nothing = command.get_positionals().next().is_none();
+        let none = takes_nothing.then(|| line("-f".to_owned()));
+        command.get_arguments().map(of_argument).chain(none).collect()
+    };
+    let verbs = || command.get_subcommands().filter(|verb| verb.get_name() != "help");
+    let using = format!("__fish_{}_using_subcommand", name.replace('-', "_"));
+    let of_verbs = verbs().map(|verb| of_command(verb, &format!("{using} {}", verb.get_name())));
+    // The generator's own function for this fails where an option still lacks its value.
+    let names: Vec<&str> = verbs().map(Command::get_name).collect();
+    let before_verb = format!("not __fish_seen_subcommand_from {}", names.join(" "));
+    of_verbs.chain([of_command(command, &before_verb)]).collect()
 }
 
 /// Prints a manual page, or writes all of them.

@@ -49,6 +49,10 @@ fn refused() -> Vec<(String, &'static str)> {
         (scaled(1e3, 1e3, 6), "millimetres"),
         (scaled(1.0, 1e7, 0), "counts"),
         (scaled(1.0, 0.0, 6), "same value"),
+        (
+            record(100, |k| format!("{k},{0},{0}", position(k))),
+            "bad.csv: column `t_s` (1): found a sampling period of 1 s",
+        ),
         (record(49, row), "bad.csv: found 49 samples"),
         (String::new(), "bad.csv: "),
     ]);

@@ -131,11 +131,11 @@ fn it_says_what_is_wrong_with_a_set_up() {
         &sound.replace("command_m", "spare").replace("lvdt_m", "command_m").replace("spare", "lvdt_m"),
     );
     let said = [
-        "current_mA=NAME[A]",
-        "lvdt_m=NAME*0.03937",
-        "lvdt_m=NAME*-1",
+        "`--columns 'current_mA=current_mA[A]'`",
+        "`--columns 'lvdt_m=lvdt_m*3.937007874015748e-2'`",
+        "`--columns 'lvdt_m=lvdt_m[m]*-1'`",
         "the jack's stop is at 0.2 m",
-        "ahead of command_m: are their columns swapped?",
+        "ahead of command_m: are their columns swapped? `--columns 'lvdt_m=command_m[m],command_m=lvdt_m[m]'`",
     ];
     let check =
         |name: &str| bench.run(&["check", name, "--json"]).done().json()["records"][0]["notes"].to_string();
@@ -148,6 +148,37 @@ fn it_says_what_is_wrong_with_a_set_up() {
     // A fit says the same.
     let fit = bench.run(&["identify", names[0], "--json"]).done();
     assert!(fit.json()["warnings"].to_string().contains(said[0]), "{}", fit.stdout);
+}
+
+/// The options in back quotes that notes offer.
+fn offered(notes: &str) -> Vec<&str> {
+    notes.split('`').filter_map(|part| part.strip_prefix("--columns '")?.strip_suffix('\'')).collect()
+}
+
+#[test]
+fn it_tells_a_ram_in_the_column_of_the_user() {
+    let bench = Bench::new();
+    let check = |name: &str, columns: &str| {
+        let checked = bench.run(&["check", name, "--columns", columns, "--json"]).done().json();
+        checked["records"][0]["notes"].to_string()
+    };
+    let right = "lvdt_m=user pos[mm],ram_m=Ram [mm]";
+    let swapped = "lvdt_m=Ram [mm],ram_m=user pos[mm]";
+    for (command, play, is_told) in
+        [("chirp", "bkl=2e-4", true), ("mixed", "bkl=5e-5", true), ("chirp", "bkl=0", false)]
+    {
+        let noise = ["--noise", "lvdt_m=5e-6,ram_m=5e-6", "--channels", "lvdt_m,ram_m"];
+        bench.simulate(
+            "si.csv",
+            &[&["--model", "lf", "--command", command, "--set", play][..], &noise].concat(),
+        );
+        let in_mm = |_: usize, cell: &str| cell.parse::<f64>().map_or(0.0, |value| value * 1e3).to_string();
+        let text = with_cells(&with_cells(&bench.read("si.csv"), "lvdt_m", in_mm), "ram_m", in_mm);
+        bench.write("bench.csv", &text.replacen("lvdt_m", "user pos", 1).replacen("ram_m", "Ram [mm]", 1));
+        let notes = check("bench.csv", swapped);
+        assert_eq!(offered(&notes), if is_told { vec![right] } else { vec![] }, "{command} {play}: {notes}");
+        assert_eq!(check("bench.csv", right), "[]", "{command} {play}");
+    }
 }
 
 #[test]

@@ -91,6 +91,38 @@ fn what_cannot_be_written_is_said_before_the_work() {
     assert_eq!(bench.files(), ["file"]);
 }
 
+#[test]
+fn a_read_only_file_is_not_replaced() {
+    let bench = Bench::new();
+    let set_read_only = |name: &str, is: bool| {
+        let mut rights = std::fs::metadata(bench.path(name)).expect("it is there").permissions();
+        rights.set_readonly(is);
+        std::fs::set_permissions(bench.path(name), rights).expect("the test's own file");
+    };
+    std::fs::create_dir(bench.path("results")).expect("a directory");
+    for name in ["kept.csv", "results/identify.json"] {
+        bench.write(name, "kept");
+        set_read_only(name, true);
+    }
+    // There is no record: it would be said first if it were looked at first.
+    for (arguments, path) in [
+        (&["simulate", "-o", "kept.csv"][..], "kept.csv"),
+        (&["import", "none.csv", "-o", "kept.csv"], "kept.csv"),
+        (&["identify", "none.csv", "--trace", "kept.csv"], "kept.csv"),
+        (&["identify", "none.csv", "--out", "results"], "results/identify.json"),
+    ] {
+        let said = format!("cannot write {path}: it is read-only");
+        bench.run(arguments).refused(FAILURE, &[&said]);
+        assert_eq!(bench.read(path), "kept");
+    }
+    // What may be written to is replaced, and what is read-only is read.
+    set_read_only("kept.csv", false);
+    bench.run(&[&MAKE[..], &["-o", "kept.csv"]].concat()).done();
+    assert_ne!(bench.read("kept.csv"), "kept");
+    set_read_only("kept.csv", true);
+    bench.run(&["import", "kept.csv", "-o", "new.csv"]).done();
+}
+
 #[cfg(target_os = "linux")]
 mod linux {
     use super::*;

@@ -208,11 +208,10 @@ fn the_unit_of_a_clock_is_told_from_its_steps() {
             parse(&since_epoch(per_second), &[&format!("t_s=t_s[{unit}]")], None).expect(unit).record;
         assert!((record.sample_period_s() - 1e-3).abs() < 1e-9, "{unit}: {}", record.sample_period_s());
     }
-    let warnings = parse(&since_epoch(1_000_000), &[], None).expect("valid").warnings;
     assert_eq!(
-        warnings,
-        ["run.csv: the sampling period is 1000 s: is the time in seconds? It looks like microseconds: \
-             `--columns 't_s=t_s[us]'`"]
+        message(&since_epoch(1_000_000), &[], None),
+        "run.csv: column `t_s` (1): found a sampling period of 1000 s, expected 0.00001 to 0.1 s; it looks like \
+         microseconds: convert with `--columns 't_s=t_s[us]'`; if it is so, say it with `--columns 't_s=t_s[s]'`"
     );
 }
 
@@ -234,7 +233,7 @@ fn names_are_found_with_and_without_a_space_before_the_unit() {
     );
     assert_eq!(
         message(&text, &["command_m=Soll[mm]", "lvdt_m=Ist[mm]"], None),
-        "run.csv:1: `t_s` is missing: found `Zeit [ms]`, `Soll`, `Ist`; map one: `--columns t_s=NAME`, or give the \
+        "run.csv:1: `t_s` is missing: found `Zeit [ms]`, `Soll`, `Ist`; map one: `--columns 't_s=NAME'`, or give the \
          sampling rate: `--rate HZ`"
     );
 }

@@ -29,14 +29,15 @@ pub(super) fn apply(
         let wrong =
             |expected: String| Err((column.source, Problem::WrongUnit { found: cell.to_owned(), expected }));
         match (column.unit, unit_of(cell)) {
-            (UnitFrom::Mapping, _) | (UnitFrom::Name, None) => {}
-            (UnitFrom::Name, Some(unit)) if unit.symbol == info.unit => {}
+            (UnitFrom::Mapping | UnitFrom::Row, _) | (UnitFrom::Name, None) => {}
+            (UnitFrom::Name, Some(unit)) if unit.symbol == info.unit => column.unit = UnitFrom::Row,
             (UnitFrom::Name, Some(unit)) => {
                 let hint = option(&format!("{}={name}[{}]", info.column, unit.symbol));
                 return wrong(format!("{} as the name says; if it is that unit, {hint}", info.unit));
             }
             (UnitFrom::Nothing, Some(unit)) if unit.base == info.unit => {
                 column.factor = unit.factor;
+                column.unit = UnitFrom::Row;
                 if unit.factor != 1.0 {
                     told.push(format!("`{name}` in {}", unit.symbol));
                 }
