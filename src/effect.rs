@@ -122,7 +122,13 @@ pub const EFFECTS: &[EffectInfo] = &[
         &[Parameter::SupplyRatio],
         &[0.05],
     ),
-    entry("supply-sag", Port::Fluid, "k = 1 - s abs(v), lagged by 50 ms", &[Parameter::SupplySag], &[0.3]),
+    entry(
+        "supply-sag",
+        Port::Fluid,
+        "k = 1 - s abs(v), lagged by ts, some 50 ms",
+        &[Parameter::SupplySag, Parameter::SupplySagLag],
+        &[0.3, 0.05],
+    ),
     entry(
         "compressibility",
         Port::Fluid,

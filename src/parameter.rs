@@ -140,7 +140,8 @@ parameters! {
     valve_rate_limit ValveRateLimit "" "m/s" 19.4e-3 [1e-4, 1e3] Constant "first-order valve: slew rate of the spool";
     supply_pressure SupplyPressure "PSR0" "Pa" 2e7 [1e5, 1e9] Dynamics "rated supply pressure over return";
     supply_ratio SupplyRatio "k" "1" 1.0 [0.1, 2.0] Dynamics "supply pressure over its rated value, PSR/PSR0";
-    supply_sag SupplySag "s" "s/m" 0.0 [0.0, 5.0] Dynamics "fall of the supply ratio per ram velocity, with a lag of 50 ms";
+    supply_sag SupplySag "s" "s/m" 0.0 [0.0, 5.0] Dynamics "fall of the supply ratio per ram velocity";
+    supply_sag_lag SupplySagLag "ts" "s" 0.05 [1e-3, 1.0] Dynamics "first-order lag of that fall behind the velocity";
     return_pressure ReturnPressure "PRV" "Pa" 1e6 [0.0, 1e8] Constant "return pressure";
     vapour_pressure VapourPressure "PVap" "Pa" 1e3 [0.0, 1e6] Constant "vapour pressure";
     pressure_gain PressureGain "GP" "Pa/m" 1e11 [1e8, 1e14] Dynamics "pressure gain of the second stage";

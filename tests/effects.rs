@@ -35,7 +35,7 @@ const TABLE: &[Row] = &[
     ("pressure-gain", &[(P::PressureGain, 5e10)], 0.02, true),
     ("leakage", &[(P::Leakage, 1e-12)], 0.02, true),
     ("supply-pressure", &[(P::SupplyRatio, 0.8)], 0.02, true),
-    ("supply-sag", &[(P::SupplySag, 2.0)], 0.02, false),
+    ("supply-sag", &[(P::SupplySag, 2.0), (P::SupplySagLag, 0.07)], 0.02, false),
     ("compressibility", &[(P::OilCompliance, 1e-9)], 0.02, true),
     ("stribeck", &[(P::StribeckVelocity, 5e-3)], 0.02, false),
     ("friction-asymmetry", &[(P::FrictionAsymmetry, 0.2)], 0.02, true),
@@ -180,6 +180,7 @@ fn neutral_values_change_nothing() {
     }
     // What an absent effect is shaped by has no influence either.
     for parameter in [
+        P::SupplySagLag,
         P::MountLag,
         P::BaseMass,
         P::LoadFollowsBase,

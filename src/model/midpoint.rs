@@ -2,7 +2,7 @@
 
 use super::fluid::Fluid;
 use super::state::{Input, Mode, State, side};
-use super::{Drive, Feedback, Model, SAG_LAG};
+use super::{Drive, Feedback, Model};
 use crate::scalar::Real;
 
 impl<T: Real> Model<T> {
@@ -83,7 +83,7 @@ impl<T: Real> Model<T> {
     /// Rate of the supply's sag, 1/s, at a speed of the ram.
     #[inline(always)]
     pub(super) fn sag_rate(&self, speed: T, sag: T) -> T {
-        (-self.parameters.supply_sag * speed - sag) / T::literal(SAG_LAG)
+        (-self.parameters.supply_sag * speed - sag) / self.parameters.supply_sag_lag
     }
 
     /// Advances ram, pressure and supply; leaves the ram's velocity at the middle of the step in `middle`.

@@ -79,9 +79,6 @@ pub struct Form {
     pub drive: Drive,
 }
 
-/// Time constant of the supply's sag, s.
-const SAG_LAG: f64 = 0.05;
-
 /// An actuator with its parameters, ready to be integrated.
 #[derive(Clone, Copy, Debug)]
 pub struct Model<T> {

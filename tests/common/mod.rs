@@ -169,6 +169,7 @@ pub(crate) fn plant(rig: &Rig) -> Plant {
         flow_asymmetry: p.flow_asymmetry,
         turbulent_metering: p.metering_blend,
         supply_sag: p.supply_sag,
+        supply_sag_lag: p.supply_sag_lag,
         bulk_modulus: (p.oil_compliance > 0.0).then(|| 1.0 / p.oil_compliance),
         stribeck_velocity: p.stribeck_velocity,
         friction_asymmetry: p.friction_asymmetry,

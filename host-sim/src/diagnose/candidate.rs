@@ -108,7 +108,7 @@ impl Prospect {
     /// values of that to start from.
     fn rough(&self, rig: &Rig, records: &[Prepared], others: &[Vec<f64>], steps: u32) -> Option<Candidate> {
         let before = self.ranges.len() - self.effect.parameters.len();
-        let followed = self.places.iter().filter_map(|Place { ranges, values }| {
+        let followed = self.places.par_iter().filter_map(|Place { ranges, values }| {
             let mut there = rig.clone();
             for (range, &value) in ranges.iter().zip(values).skip(before) {
                 there.parameters.set(range.parameter, value);
@@ -116,15 +116,24 @@ impl Prospect {
             let found = fit::approach(&there, &ranges[..before], &values[..before], records, steps)?;
             Some((found.misfit.chi_square, ranges, [&found.values, &values[before..]].concat()))
         });
-        let best = followed.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, ranges, values)| (ranges, values));
+        let followed: Vec<_> = followed.collect();
+        let best = followed.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+        let best = best.map(|(_, ranges, values)| (ranges, values));
         let elsewhere = others.iter().flat_map(|first| {
             self.places
                 .iter()
                 .map(move |Place { ranges, values }| (ranges, [&first[..], &values[before..]].concat()))
         });
-        let starts =
-            std::iter::once((&self.ranges, self.foreseen.values.clone())).chain(best).chain(elsewhere);
-        starts.filter_map(|(ranges, start)| self.from(rig, ranges, &start, records, steps)).min_by(lower)
+        let starts: Vec<(&Vec<Range>, Vec<f64>)> =
+            std::iter::once((&self.ranges, self.foreseen.values.clone()))
+                .chain(best)
+                .chain(elsewhere)
+                .collect();
+        let fits: Vec<Candidate> = starts
+            .into_par_iter()
+            .filter_map(|(ranges, start)| self.from(rig, ranges, &start, records, steps))
+            .collect();
+        fits.into_iter().min_by(lower)
     }
 
     /// A rough fit from a start.

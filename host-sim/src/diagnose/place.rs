@@ -20,7 +20,8 @@ const NEAR: f64 = 0.6;
 const LARGEST: f64 = 10.0;
 const PER_DECADE: i32 = 10;
 const DECADES: i32 = 4;
-/// Sizes at which both parameters of an effect of two are tried where no signature leads to it, in its sizes.
+/// Sizes at which an effect of several parameters is tried where no signature leads to it, in its sizes: the first, and the
+/// second where nothing is known of it.
 const COARSE: [f64; 3] = [0.3, 1.0, 3.0];
 /// Change of chi-square by a signature alone below which smaller sizes are not seen.
 const UNSEEN: f64 = 1.0;
@@ -266,12 +267,16 @@ impl Seeker<'_> {
         if !self.is_first {
             return Vec::new();
         }
+        let seconds = match self.effect.parameters[1] {
+            Parameter::ThinningVelocity => &COARSE[..],
+            _ => &[1.0],
+        };
         let place = |change: f64, second: f64| {
             let mut place = self.place(change * size, change * size);
             place.values[1] *= second;
             place
         };
-        COARSE.iter().flat_map(|&first| COARSE.iter().map(move |&second| place(first, second))).collect()
+        COARSE.iter().flat_map(|&first| seconds.iter().map(move |&second| place(first, second))).collect()
     }
 
     /// A change of the first parameter and how far around the rig's value it is looked for; the others start where they do.

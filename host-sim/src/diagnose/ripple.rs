@@ -22,6 +22,9 @@ const MOST_JUDGED: usize = 24;
 const MOST_PERIODS: f64 = 400.0;
 /// Fewest: fewer are a bend, not a ripple.
 const FEWEST_PERIODS: f64 = 2.0;
+/// Fewest samples in a period, at the speed that half of the moving ones do not exceed: with fewer, samples tell a ripple
+/// from a coarser one no more, and a simulation that follows it takes minutes.
+const FEWEST_SAMPLES: f64 = 2.0;
 /// Parts of a period over the whole way by which neighbours of the search differ.
 const PARTS: f64 = 4.0;
 /// Places of a record at which the load is stepped.
@@ -71,7 +74,8 @@ pub(super) fn ripples(rig: &Rig, records: &[Prepared]) -> Vec<Ripple> {
     let traces: Vec<Trace<'_>> =
         records.iter().zip(&predictions).map(|(record, outputs)| Trace::new(rig, record, outputs)).collect();
     let pitch = |line: usize| way / (FEWEST_PERIODS + line as f64 / PARTS);
-    let lines = ((MOST_PERIODS - FEWEST_PERIODS) * PARTS) as usize;
+    let most_periods = MOST_PERIODS.min(way / (FEWEST_SAMPLES * usual_move(&predictions)));
+    let lines = ((most_periods - FEWEST_PERIODS).max(0.0) * PARTS) as usize;
     let pulls: Vec<f64> =
         (0..lines).into_par_iter().map(|line| pull(&traces, pitch(line)).norm_squared()).collect();
     let peak = |&line: &usize| pulls[line] > pulls[line - 1] && pulls[line] >= pulls[line + 1];
@@ -83,6 +87,15 @@ pub(super) fn ripples(rig: &Rig, records: &[Prepared]) -> Vec<Ripple> {
     judged.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     judged.truncate(MOST_RIPPLES);
     judged
+}
+
+/// How far the ram goes in a sample in which it moves: the median, m.
+fn usual_move(predictions: &[Vec<Outputs<f64>>]) -> f64 {
+    let moves = predictions.iter().flat_map(|outputs| outputs.windows(2));
+    let moves = moves.map(|pair| (pair[1].ram - pair[0].ram).abs()).filter(|&moved| moved > 0.0);
+    let mut moves: Vec<f64> = moves.collect();
+    let middle = moves.len() / 2;
+    if moves.is_empty() { f64::INFINITY } else { *moves.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
 /// A record as a force on the ram sees it.

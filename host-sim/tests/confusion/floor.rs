@@ -50,6 +50,7 @@ impl Shape {
                     Parameter::BaseMass | Parameter::LoadFollowsBase | Parameter::LoopSeesBase => {
                         info.default
                     }
+                    Parameter::SupplySagLag => info.default * self.stretch,
                     Parameter::ThinningVelocity => 0.02 * self.stretch,
                     Parameter::CoggingPitch => 2e-3 * self.stretch,
                     _ if parameter == effect.parameters[0] && self.lowers(effect) => info.default - size,

@@ -174,8 +174,10 @@ pub struct Effects {
     pub flow_asymmetry: f64,
     /// `turbulent-metering`: 0 linear fluid, 1 square-root fluid.
     pub turbulent_metering: f64,
-    /// `supply-sag`: loss of relative pressure per velocity (s/m), lagged by 50 ms.
+    /// `supply-sag`: loss of relative pressure per velocity (s/m).
     pub supply_sag: f64,
+    /// Lag of the supply's sag behind the velocity (s).
+    pub supply_sag_lag: f64,
     /// `compressibility`: bulk modulus `beta` (Pa); `None` is an incompressible fluid.
     pub bulk_modulus: Option<f64>,
     /// `stribeck`: velocity `vs` over which static friction decays to dynamic friction (m/s).

@@ -266,7 +266,9 @@ impl Equations<'_> {
         // Fluid.
         let (pressure, pressure_rate) = self.fluid(s);
         rate.pressure = pressure_rate;
-        rate.flow = (s.ram_rate.abs() - s.flow) / 0.05;
+        if e.supply_sag != 0.0 {
+            rate.flow = (s.ram_rate.abs() - s.flow) / e.supply_sag_lag;
+        }
 
         // Jack, and the body of its cylinder. `drive` is what the cylinder does to the ram, dry friction apart.
         let v = s.ram_rate;

@@ -21,7 +21,7 @@ fn every_effect_changes_the_record() {
         ("pressure-gain", |p, _| p.pressure_gain *= 0.5),
         ("leakage", |p, _| p.leakage = 1e-12),
         ("supply-pressure", |p, _| p.supply_pressure *= 0.8),
-        ("supply-sag", |_, e| e.supply_sag = 2.0),
+        ("supply-sag", |_, e| (e.supply_sag, e.supply_sag_lag) = (2.0, 0.05)),
         ("compressibility", |_, e| e.bulk_modulus = Some(1e9)),
         ("stribeck", |_, e| e.stribeck_velocity = 5e-3),
         ("friction-asymmetry", |_, e| e.friction_asymmetry = 0.2),
