@@ -93,15 +93,11 @@ pub fn show_standing(bar: &ProgressBar, standing: Standing) {
 /// Shows where a diagnosis stands.
 pub fn show_stage(bar: &ProgressBar, stage: &Stage) {
     bar.set_position((stage.share * 100.0) as u64);
-    let mut message = stage.doing.clone();
     let [done, of] = stage.fits;
-    if of > 0 {
-        message += &format!(", {done} of {of}");
-    }
-    if stage.best_sigma.is_finite() {
-        message += &format!(", best {:.3} times the noise,", stage.best_sigma);
-    }
-    bar.set_message(message);
+    let counted = if of > 0 { format!(", {done} of {of}") } else { String::new() };
+    let best = stage.best_sigma;
+    let best = if best.is_finite() { format!(", best {best:.3} times the noise,") } else { String::new() };
+    bar.set_message(format!("{}{counted}{best}", stage.doing));
 }
 
 /// What is said of records whose commands come a sample late.

@@ -16,6 +16,7 @@ use crate::rig::{Range, Rig};
 use eha_monitor::model::state::Outputs;
 use maud::{Markup, html};
 use serde_json::Value;
+use std::iter;
 
 /// What the report of a diagnosis shows.
 pub(crate) struct Diagnosed<'a> {
@@ -163,25 +164,24 @@ fn found(case: &Diagnosed<'_>) -> Markup {
         .found
         .iter()
         .flat_map(|found| {
-            found.estimates.iter().map(move |estimate| {
+            let name = if found.named {
+                found.effect.name.to_owned()
+            } else {
+                format!("{} (empirical)", found.effect.name)
+            };
+            let others = match (found.named, found.class.len()) {
+                (false, _) => "not a name".to_owned(),
+                (true, 1) => "nothing else".to_owned(),
+                (true, _) => effects_in_words(&found.class[1..]),
+            };
+            // What is said of the effect stands once.
+            let of_effect = iter::once([name, found.effect.port.name().to_owned(), others])
+                .chain(iter::repeat([const { String::new() }; 3]));
+            found.estimates.iter().zip(of_effect).map(|(estimate, [name, port, others])| {
                 let info = estimate.parameter.info();
                 let q = |value| shown(value, info.unit);
-                vec![
-                    if found.named {
-                        found.effect.name.to_owned()
-                    } else {
-                        format!("{} (empirical)", found.effect.name)
-                    },
-                    found.effect.port.name().to_owned(),
-                    info.name.to_owned(),
-                    q(estimate.value),
-                    format!("{} to {}", q(estimate.ci95[0]), q(estimate.ci95[1])),
-                    match (found.named, found.class.len()) {
-                        (false, _) => "not a name".to_owned(),
-                        (true, 1) => "nothing else".to_owned(),
-                        (true, _) => effects_in_words(&found.class[1..]),
-                    },
-                ]
+                let interval = format!("{} to {}", q(estimate.ci95[0]), q(estimate.ci95[1]));
+                vec![name, port, info.name.to_owned(), q(estimate.value), interval, others]
             })
         })
         .collect();

@@ -135,6 +135,18 @@ impl Equations<'_> {
         self.p.jack_friction * (1.0 + e.friction_asymmetry * direction) * (1.0 + e.friction_growth * t)
     }
 
+    /// Viscous friction of the jack, thinned by its speed, and drag, at a time.
+    fn damping(&self, t: f64, v: f64) -> f64 {
+        let (p, e) = (self.p, self.e);
+        let thinned = match e.thinning_viscosity {
+            0.0 => 0.0,
+            at_rest => at_rest / (1.0 + v.abs() / e.thinning_velocity),
+        };
+        let one_sided = if v < 0.0 { e.retraction_viscosity } else { 0.0 };
+        let viscosity = p.jack_viscosity + one_sided + e.viscosity_growth * t;
+        (viscosity.max(0.0) + thinned + e.quadratic_drag * v.abs()) * v
+    }
+
     /// Relative supply pressure.
     fn supply(&self, s: &State) -> f64 {
         self.p.supply_pressure / self.p.nominal_supply_pressure * (1.0 - self.e.supply_sag * s.flow).max(0.0)
@@ -277,14 +289,7 @@ impl Equations<'_> {
             0.0 => 0.0,
             force => force * (TAU * s.ram / e.detent_pitch + e.detent_phase).sin(),
         };
-        let thinned = match e.thinning_viscosity {
-            0.0 => 0.0,
-            at_rest => at_rest / (1.0 + v.abs() / e.thinning_velocity),
-        };
-        let one_sided = if v < 0.0 { e.retraction_viscosity } else { 0.0 };
-        let viscosity = p.jack_viscosity + one_sided + e.viscosity_growth * t;
-        let damping = (viscosity.max(0.0) + thinned + e.quadratic_drag * v.abs()) * v;
-        let drive = p.jack_area * pressure - damping - detent;
+        let drive = p.jack_area * pressure - self.damping(t, v) - detent;
         let (ram_mobility, body_mobility) = (1.0 / p.jack_mass, e.mount.map_or(0.0, |m| 1.0 / m.mass));
         let mount = e.mount.map_or(0.0, |m| m.stiffness * s.body + m.damping * s.body_rate);
         let dragged_mobility = if e.mount.is_some_and(|m| m.load_follows) { body_mobility } else { 0.0 };
