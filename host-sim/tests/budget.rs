@@ -66,6 +66,8 @@ fn every_budget_fails_where_it_is_overrun_and_no_other_does() {
             .filter(|budget| budget.control == control)
             .map(|budget| budget.name.as_str())
             .collect();
-        assert_eq!(overrun, meant, "{control}");
+        let values: Vec<(&str, u64)> =
+            target.overruns().map(|measure| (measure.budget.name.as_str(), measure.value)).collect();
+        assert_eq!(overrun, meant, "{control}: {values:?}");
     }
 }

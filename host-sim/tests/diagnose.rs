@@ -1,7 +1,7 @@
 //! `diagnose` on records of the independent plant, each with something that the monitor's model does not declare.
 
 use reference_plant::{
-    Command, DEFAULT_STEP, Plant, Record, Rule, Tone, add_filtered_noise, add_noise, quantise,
+    Command, DEFAULT_STEP, Mount, Plant, Record, Rule, Tone, add_filtered_noise, add_noise, quantise,
 };
 use serde_json::Value;
 use std::fmt::Write as _;
@@ -309,6 +309,23 @@ fn metering_is_found_in_a_high_fidelity_actuator() {
     plant.parameters.backlash = BKL;
     plant.parameters.jack_friction = FDJ;
     explained_by(&plant, 1, "turbulent-metering");
+}
+
+#[test]
+fn a_mount_is_named_whatever_follows_its_base_and_sees_it() {
+    // The mass of the second one is next to nothing: it only moves what is measured.
+    for (mass, in_loop, load_follows) in [(10.0, true, true), (1.0, false, false), (10.0, false, true)] {
+        let mut plant = faulty();
+        plant.effects.mount = Some(Mount { stiffness: 4e6, damping: 1600.0, mass, in_loop, load_follows });
+        explained_by(&plant, 1, "mount-compliance");
+    }
+}
+
+#[test]
+fn a_supply_may_sag_with_another_lag_than_the_usual() {
+    let mut plant = faulty();
+    (plant.effects.supply_sag, plant.effects.supply_sag_lag) = (2.5, 0.08);
+    explained_by(&plant, 1, "supply-sag");
 }
 
 #[test]

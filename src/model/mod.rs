@@ -232,30 +232,23 @@ impl<T: Real> Model<T> {
         }
     }
 
-    /// Position that the controller sees, m.
+    /// Position that the controller sees, m: that of the user is over ground, of that of the ram the rig says how much it is.
     #[inline(always)]
     fn fed_back(&self, z: &State<T>) -> T {
-        let over_ground = match self.form.feedback {
-            Feedback::Ram => z.ground() + z.ram_rest,
+        match self.form.feedback {
+            Feedback::Ram => (z.ram + self.parameters.loop_sees_base * z.base) + z.ram_rest,
             Feedback::User => (z.ground() + z.user_gap) + z.ram_rest,
-        };
-        over_ground - self.unseen_base(z.base)
-    }
-
-    /// The part of the motion of the base that the loop does not see, from its position (or velocity, acceleration).
-    #[inline(always)]
-    fn unseen_base(&self, base: T) -> T {
-        (T::ONE - self.parameters.loop_sees_base) * base
+        }
     }
 
     /// The velocity (or acceleration) that the controller sees, from those of the ram in its cylinder and of the base.
     #[inline(always)]
     fn fed_back_rate(&self, mode: &Mode, ram_rate: T, base_rate: T) -> T {
-        let over_ground = match self.form.feedback {
+        match self.form.feedback {
+            Feedback::Ram => ram_rate + self.parameters.loop_sees_base * base_rate,
             Feedback::User if mode.user_play == 0 => T::ZERO,
-            Feedback::User | Feedback::Ram => ram_rate + base_rate,
-        };
-        over_ground - self.unseen_base(base_rate)
+            Feedback::User => ram_rate + base_rate,
+        }
     }
 
     /// Current before its limit, mA.

@@ -206,3 +206,47 @@ fn answers(rig: &Rig, record: &Prepared, outputs: &[Outputs<f64>]) -> [Vec<f64>;
         step.windows(2).map(|pair| pair[1] - pair[0]).collect()
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{FEWEST_SAMPLES, MOST_PERIODS, ripples, usual_move};
+    use crate::fit::{self, Prepared};
+    use crate::record::Record;
+    use crate::rig::Rig;
+    use eha_monitor::channel::Channel;
+    use std::f64::consts::TAU;
+
+    const PERIOD: f64 = 1e-3;
+
+    /// A sine of 5 mm, and what a sensor with noise of 5 um shows of its answer.
+    fn flown(rig: &Rig, frequency: f64) -> Prepared {
+        let command: Vec<f64> =
+            (0..2000).map(|k| 5e-3 * (TAU * frequency * f64::from(k) * PERIOD).sin()).collect();
+        let prepared = |position: Vec<f64>| {
+            let channels = vec![(Channel::Command, command.clone()), (Channel::UserPosition, position)];
+            let record = Record::new("made".to_owned(), PERIOD, 0.0, channels).unwrap();
+            fit::prepare_with(rig, &record, [5e-6, f64::INFINITY, f64::INFINITY, f64::INFINITY])
+        };
+        let outputs = fit::predict(rig, &[prepared(command.clone())]).concat();
+        let noise = |k: usize| 17e-6 * ((k as f64 * 12.9898).sin() * 43_758.545_3).fract() * 0.5;
+        prepared(outputs.iter().enumerate().map(|(k, outputs)| outputs.user + noise(k)).collect())
+    }
+
+    #[test]
+    fn no_ripple_is_finer_than_the_samples_tell() {
+        let rig = Rig::load("eha").unwrap();
+        let finest = |frequency: f64| {
+            let record = [flown(&rig, frequency)];
+            let usual = usual_move(&fit::predict(&rig, &record));
+            let pitches = ripples(&rig, &record).into_iter().map(|ripple| ripple.pitch);
+            (pitches.fold(f64::INFINITY, f64::min), FEWEST_SAMPLES * usual)
+        };
+        let coarsest_of_all = 10e-3 / MOST_PERIODS;
+        // Fast: it is the samples that end the search.
+        let (fast, told) = finest(4.0);
+        assert!(told > 2.0 * coarsest_of_all && fast.is_finite() && fast >= told, "{fast:e} {told:e}");
+        // Slow: finer ones are told, and found in what is left.
+        let (slow, told) = finest(0.4);
+        assert!(told < coarsest_of_all && slow < 2.0 * coarsest_of_all, "{slow:e} {told:e}");
+    }
+}

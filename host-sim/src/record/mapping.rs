@@ -100,13 +100,14 @@ impl Mapping {
         Ok(mapping)
     }
 
-    /// The entries of a list such as `t_s=time,lvdt_m=data(:,2)[mm]`: the comma of a part of an array separates none.
+    /// The entries of a list such as `t_s=time,lvdt_m=data(:,2)[mm]`: a comma that no `COLUMN=` follows is part of a name.
     pub fn split(text: &str) -> impl Iterator<Item = &str> {
+        let is_column = |text: &str| text.chars().all(|c| c.is_alphanumeric() || c == '_');
         let mut rest = Some(text);
         std::iter::from_fn(move || {
             let text = rest?;
             let separates = |&(at, _): &(usize, &str)| {
-                !text[..at].trim_end().ends_with(':') && !text[at + 1..].trim_start().starts_with(':')
+                text[at + 1..].split_once('=').is_some_and(|(column, _)| is_column(column.trim()))
             };
             let end = text.match_indices(',').find(separates).map(|(at, _)| at);
             rest = end.map(|end| &text[end + 1..]);
@@ -187,13 +188,20 @@ impl Entry {
             let known: Vec<&str> = CHANNELS.iter().map(|info| info.column).collect();
             format!("`{column}` is not a channel, expected one of {}", known.join(", "))
         })?;
-        let (full_name, scale) = match source.rsplit_once('*') {
-            None => (source.trim(), 1.0),
-            Some((name, scale)) => (name.trim(), parse_scale(scale)?),
+        // What is no number at all is part of a name.
+        let is_scale = |text: &str| {
+            let text = text.trim();
+            text.parse::<f64>().is_ok() || text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c))
+        };
+        let (full_name, scale) = match source.rsplit_once('*').filter(|(_, scale)| is_scale(scale)) {
+            None => (source.trim(), None),
+            Some((name, scale)) => (name.trim(), Some(parse_scale(scale)?)),
         };
         let (name, factor) = match full_name.strip_suffix(']').and_then(|rest| rest.rsplit_once('[')) {
-            None => (full_name, 1.0),
+            // Of counts and the like the scale says it all: their brackets are part of the name.
+            Some((_, symbol)) if scale.is_some() && unit(symbol).is_none() => (full_name, 1.0),
             Some((name, symbol)) => (name.trim(), parse_unit(symbol, info)?.factor),
+            None => (full_name, 1.0),
         };
         if name.is_empty() {
             return Err("the name of the column or variable is missing".to_owned());
@@ -202,7 +210,7 @@ impl Entry {
             channel: info.channel,
             name: name.to_owned(),
             full_name: full_name.to_owned(),
-            factor: factor * scale,
+            factor: factor * scale.unwrap_or(1.0),
             scaling: source.trim().strip_prefix(name).unwrap_or_default().trim().to_owned(),
         })
     }
@@ -340,6 +348,8 @@ mod tests {
             ["t_s=d(:, 1)", "lvdt_m=d(2 ,:)[mm]", "load_N=f"]
         );
         assert_eq!(entries("t_s=time"), ["t_s=time"]);
+        assert_eq!(entries("lvdt_m=lvdt, m[mm],t_s=time, s"), ["lvdt_m=lvdt, m[mm]", "t_s=time, s"]);
+        assert_eq!(entries("t_s=time,lvdt_m="), ["t_s=time", "lvdt_m="]);
     }
 
     #[test]
@@ -375,6 +385,15 @@ mod tests {
     }
 
     #[test]
+    fn a_header_may_hold_what_is_no_unit_and_no_scale() {
+        let entry = |text| Mapping::parse([text]).expect("valid").entries[0].clone();
+        let Entry { name, factor, .. } = entry("lvdt_m=Pos [counts]*1.5e-5");
+        assert_eq!((name.as_str(), factor), ("Pos [counts]", 1.5e-5));
+        let Entry { name, factor, .. } = entry("load_N=Force *mean[kN]");
+        assert_eq!((name.as_str(), factor), ("Force *mean", 1e3));
+    }
+
+    #[test]
     fn an_entry_that_is_offered_has_the_factor_that_it_was_made_for() {
         for (name, made_for, expected) in [
             ("pos", 1e-3, "lvdt_m=pos[mm]"),
@@ -385,6 +404,9 @@ mod tests {
             ("Pos [mm]", -1e-3, "lvdt_m=Pos [mm]*-1"),
             ("Pos [mm]", 1e-2, "lvdt_m=Pos [mm][cm]"),
             ("Pos [mm]", 2e-3, "lvdt_m=Pos [mm]*2e0"),
+            ("lvdt, m", 1e-3, "lvdt_m=lvdt, m[mm]"),
+            ("Pos *mean", 1e-3, "lvdt_m=Pos *mean[mm]"),
+            ("Pos [counts]", 1.5e-5, "lvdt_m=Pos [counts]*1.5e-5"),
             ("data(:,2)", -1.0, "lvdt_m=data(:,2)[m]*-1"),
         ] {
             let entry = entry_with(Channel::UserPosition.info(), name, made_for);

@@ -199,13 +199,33 @@ pub fn channel_named(column: &str) -> Result<Channel, Failure> {
         .ok_or_else(|| Failure::usage(unknown("channel", column, CHANNELS.iter().map(|row| row.column))))
 }
 
-/// Says that a name is not known, and which known one is nearest.
+/// Most names that a message lists.
+const MOST_LISTED: usize = 12;
+
+/// Says that a name is not known, and which known one is nearest; where none is near, all of them if they are few.
 pub fn unknown<'a>(kind: &str, name: &str, known: impl Iterator<Item = &'a str>) -> String {
-    with_nearest(format!("unknown {kind} `{name}`"), name, known)
+    let message = format!("unknown {kind} `{name}`");
+    let names: Vec<&str> = known.collect();
+    if let Some(nearest) = nearest(name, names.iter().copied()) {
+        return format!("{message}; did you mean `{nearest}`?");
+    }
+    if names.len() > MOST_LISTED {
+        message
+    } else {
+        format!("{message}, expected one of {}", names.join(", "))
+    }
 }
 
 /// A message about a name, with the known one that is nearest, if it is near.
 fn with_nearest<'a>(message: String, name: &str, known: impl Iterator<Item = &'a str>) -> String {
+    match nearest(name, known) {
+        Some(nearest) => format!("{message}; did you mean `{nearest}`?"),
+        None => message,
+    }
+}
+
+/// The known name that is nearest to another one, if it is near.
+fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     // Case decides between names that are equally near without it.
     let likeness = |known: &str| {
         (strsim::jaro_winkler(&name.to_lowercase(), &known.to_lowercase()), strsim::jaro_winkler(name, known))
@@ -214,8 +234,5 @@ fn with_nearest<'a>(message: String, name: &str, known: impl Iterator<Item = &'a
         .filter(|known| !known.is_empty())
         .map(|known| (likeness(known), known))
         .max_by(|(a, _), (b, _)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    match nearest {
-        Some(((likeness, _), known)) if likeness > 0.7 => format!("{message}; did you mean `{known}`?"),
-        _ => message,
-    }
+    nearest.filter(|((likeness, _), _)| *likeness > 0.7).map(|(_, known)| known)
 }

@@ -55,6 +55,25 @@ fn a_terminal_shows_generations_best_cost_and_time_left() {
 }
 
 #[test]
+fn a_diagnosis_shows_its_rounds_its_fits_and_the_best() {
+    let bench = Bench::new();
+    bench.simulate("lag.csv", &["--model", "lf", "--effect", "sensor-lag=5e-4", "--noise", "lvdt_m=5e-6"]);
+    let shown = shown(&bench, &["diagnose", "lag.csv"]);
+    for part in [
+        "diagnosing",
+        "fitting the declared faults",
+        "trying effects, round 1, ",
+        " of ",
+        "testing what was found",
+    ] {
+        assert!(shown.contains(part), "{part}: {shown}");
+    }
+    assert!(shown.contains(" times the noise, "), "{shown}");
+    // Nobody knows the time that is left before a part of it is gone.
+    assert!(!shown.contains("0 seconds left") && !shown.contains("/100  fitting"), "{shown}");
+}
+
+#[test]
 fn quiet_shows_nothing_on_a_terminal() {
     let bench = Bench::new();
     slow_record(&bench);

@@ -6,6 +6,9 @@ mod counter;
 mod hogs;
 #[path = "../firmware/registers.rs"]
 mod registers;
+#[cfg(feature = "negative-control-ram")]
+#[path = "roomy.rs"]
+mod roomy;
 #[path = "../firmware/runtime.rs"]
 mod runtime;
 #[path = "uart.rs"]
@@ -21,15 +24,23 @@ use runtime::{EXIT_NO_PERIPHERALS, report_stack};
 use semihosting::process;
 use uart::Uart;
 
-/// Modes whose transition matrices are kept: spool and jack, sliding or stuck, make four; more in the negative control of
-/// the budget for the monitor's state.
-const SLOTS: usize = if cfg!(feature = "negative-control-ram") { 6 } else { 4 };
+/// Exact steps. Of modes whose transition matrices are kept, spool and jack, sliding or stuck, make four.
+type Steps = Exact<f32, BASE_ORDER, 4>;
+
+/// The steps, and the way to make them.
+#[cfg(not(feature = "negative-control-ram"))]
+type Rule = Steps;
+#[cfg(not(feature = "negative-control-ram"))]
+const RULE: Rule = Steps::new();
+#[cfg(feature = "negative-control-ram")]
+type Rule = roomy::Roomy<Steps>;
+#[cfg(feature = "negative-control-ram")]
+const RULE: Rule = Rule::new(Steps::new());
 
 #[cortex_m_rt::entry]
 fn start() -> ! {
     // The macro hands out a `static mut` of the entry as a reference, once: the entry runs once.
-    static mut STATION: Station<Exact<f32, BASE_ORDER, SLOTS>, WINDOW, POPULATION> =
-        Station::new(Exact::new());
+    static mut STATION: Station<Rule, WINDOW, POPULATION> = Station::new(RULE);
     let Some(peripherals) = cortex_m::Peripherals::take() else {
         process::exit(EXIT_NO_PERIPHERALS);
     };

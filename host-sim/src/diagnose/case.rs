@@ -1,0 +1,117 @@
+//! What a diagnosis works on.
+
+use super::candidate::Candidate;
+use super::jumps::Timed;
+use super::progress::Progress;
+use super::residual::{self, MEASURED};
+use crate::fit::{self, Prepared};
+use crate::rig::Rig;
+use eha_monitor::channel::Channel;
+use eha_monitor::model::state::Outputs;
+
+/// Standard deviations of the residual tests: with four channels, a chance of 1e-4 of a false alarm.
+const RESIDUAL_LIMIT: f64 = 5.0;
+
+/// What a diagnosis works on.
+pub struct Case<'a> {
+    /// The rig, with declared faults and free parameters.
+    pub rig: &'a Rig,
+    /// The records: those that are fitted first, then those that are held out.
+    pub records: &'a [Prepared],
+    /// How many of them are fitted.
+    pub fitted: usize,
+    /// Channels whose noise the rig states.
+    pub known_noise: [Option<f64>; MEASURED],
+    /// What a prediction of each channel may be off without anything being missing: the model's own error, and what is
+    /// lost to the steps in which the commands were recorded and the sensors are read.
+    pub model_error: [f64; MEASURED],
+    /// The jumps of their commands, and the model beside which their times were fitted, where they were.
+    pub(super) timed: Option<&'a Timed>,
+    /// Whom it tells where it stands.
+    pub(super) progress: Progress<'a>,
+}
+
+impl<'a> Case<'a> {
+    /// The same with another rig that reads the records in the same way.
+    pub(super) fn under<'b>(&self, rig: &'b Rig) -> Case<'b>
+    where
+        'a: 'b,
+    {
+        Case { rig, ..*self }
+    }
+
+    /// Tells that a candidate was fitted, if that led anywhere.
+    pub(super) fn told(&self, candidate: Option<Candidate>) -> Option<Candidate> {
+        self.progress.fitted(candidate.as_ref().map(|new| new.fit.misfit.mean_square().sqrt()));
+        candidate
+    }
+
+    /// The same as a part of a diagnosis, between two shares of it, that takes the records in some way.
+    pub(super) fn part(&self, range: [f64; 2], reading: &'static str) -> Self {
+        Case { progress: self.progress.part(range, reading), ..*self }
+    }
+
+    /// A case of records that are ready for a rig, of which the first ones are fitted.
+    pub fn new(rig: &'a Rig, records: &'a [Prepared], fitted: usize) -> Self {
+        let error = |channel: usize| {
+            let lost = records.iter().map(|record| record.lost[channel]).fold(0.0, f64::max);
+            // The sensor is the same in all of them: the one that shows most of its noise tells what that leaves of its
+            // steps. One in which it rests on a step shows none.
+            let by_steps = records.iter().map(|record| record.off_by_steps[channel]);
+            let by_steps = by_steps.filter(|&off| off > 0.0).reduce(f64::min).unwrap_or(0.0);
+            fit::MODEL_ERROR[channel].hypot(lost).hypot(by_steps)
+        };
+        Self {
+            rig,
+            records,
+            fitted,
+            known_noise: Channel::MEASURED.map(|channel| rig.noise_of(channel)),
+            model_error: std::array::from_fn(error),
+            timed: None,
+            progress: Progress::SILENT,
+        }
+    }
+
+    /// Records that are fitted.
+    pub fn train(&self) -> &'a [Prepared] {
+        &self.records[..self.fitted]
+    }
+
+    /// Records that are only predicted.
+    pub fn holdout(&self) -> &'a [Prepared] {
+        &self.records[self.fitted..]
+    }
+
+    /// The records with excerpts in place of the long ones; none where all are short.
+    pub(super) fn excerpts(&self) -> Option<Vec<Prepared>> {
+        let excerpts: Vec<Option<Prepared>> = self.records.iter().map(Prepared::excerpt).collect();
+        let or_whole =
+            |(excerpt, whole): (Option<Prepared>, &Prepared)| excerpt.unwrap_or_else(|| whole.clone());
+        let is_any = excerpts.iter().any(Option::is_some);
+        is_any.then(|| excerpts.into_iter().zip(self.records).map(or_whole).collect())
+    }
+
+    /// The case to search in: with the excerpts in place of the records, if there are any.
+    pub(super) fn searched<'b>(&self, excerpts: Option<&'b [Prepared]>) -> Case<'b>
+    where
+        'a: 'b,
+    {
+        Case { records: excerpts.unwrap_or(self.records), timed: None, ..*self }
+    }
+
+    /// Do predictions of all records leave no more than noise of them?
+    pub(super) fn is_noise_left(&self, predictions: &[Vec<Outputs<f64>>]) -> bool {
+        let (train, holdout) = predictions.split_at(self.fitted);
+        self.is_noise_left_of(self.train(), train) && self.is_noise_left_of(self.holdout(), holdout)
+    }
+
+    /// Do predictions of some of them?
+    pub(super) fn is_noise_left_of(&self, records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> bool {
+        let residuals = residual::of_channels(records, predictions);
+        residuals.iter().enumerate().all(|(channel, residual)| {
+            residual.is_none_or(|residual| {
+                residual.is_noise(self.model_error[channel], self.known_noise[channel], RESIDUAL_LIMIT)
+            })
+        })
+    }
+}

@@ -1,0 +1,117 @@
+//! From the best hypothesis to the answer.
+
+use super::case::Case;
+use super::diagnosis::{Diagnosis, Fault, Found, Verdict, score};
+use super::hypothesis::Hypothesis;
+use super::residual;
+use super::weighing::Earned;
+use crate::fit::{self, Estimate, Fit, Prepared};
+use crate::interrupt;
+use crate::rig::Rig;
+use eha_monitor::effect::EffectInfo;
+use eha_monitor::fit::problem::Misfit;
+use eha_monitor::model::state::Outputs;
+use std::iter;
+
+/// An empirical term is there to predict: as long as the held-out records, or the fitted ones where none are held out, are
+/// predicted worse than without any, the weakest is dropped.
+pub(super) fn helpful(
+    case: &Case<'_>,
+    before: &Fit,
+    mut model: Hypothesis,
+    mut earned: Vec<Earned>,
+) -> (Hypothesis, Vec<Earned>) {
+    let predicted = if case.holdout().is_empty() { case.train() } else { case.holdout() };
+    let error = |rig: &Rig| score(rig, predicted).position_rms;
+    let without_any = error(&before.applied(case.rig));
+    while error(&model.rig) > without_any {
+        let weakest = (0..earned.len()).min_by(|&a, &b| earned[a].evidence.total_cmp(&earned[b].evidence));
+        let Some(weakest) = weakest else { break };
+        model = model.without(case, earned.remove(weakest).effect);
+    }
+    (model, earned)
+}
+
+/// What the records leave open.
+pub(super) struct Open {
+    /// Is what was found named?
+    pub(super) named: bool,
+    /// For each effect that was found, the hypotheses with another in its place that do as well.
+    pub(super) stand_ins: Vec<Vec<Hypothesis>>,
+    /// For each declared fault, the effects whose presence would leave it undetermined.
+    pub(super) confounded: Vec<Vec<&'static EffectInfo>>,
+}
+
+/// Puts the answer together.
+pub(super) fn conclude(
+    case: &Case<'_>,
+    before: Fit,
+    best: &Hypothesis,
+    earned: &[Earned],
+    open: &Open,
+) -> Diagnosis {
+    let predictions = fit::predict(&best.rig, case.train());
+    let noise_only = best.leaves_noise(case);
+    let verdict = match (noise_only, earned.is_empty()) {
+        (true, true) => Verdict::Adequate,
+        (true, false) => Verdict::Explained,
+        (false, _) => Verdict::Unexplained,
+    };
+    let inflation = (!noise_only).then(|| inflation(case.train(), &predictions, &best.train.misfit));
+    let estimates: Vec<Estimate> = best.estimates(case, inflation);
+    let found: Vec<Found> = earned
+        .iter()
+        .zip(&open.stand_ins)
+        .map(|(earned, others)| Found {
+            effect: earned.effect,
+            class: iter::once(earned.effect).chain(others.iter().filter_map(Hypothesis::newest)).collect(),
+            evidence: earned.evidence,
+            named: open.named,
+            estimates: estimates
+                .iter()
+                .filter(|estimate| earned.effect.parameters.contains(&estimate.parameter))
+                .copied()
+                .collect(),
+        })
+        .collect();
+    let others: Vec<Vec<Estimate>> =
+        open.stand_ins.iter().flatten().map(|other| other.estimates(case, inflation)).collect();
+    let faults = (0..case.rig.faults.len())
+        .map(|index| {
+            let mut estimate = estimates[index];
+            // Whatever stands in for an effect has its own opinion of the faults: the interval holds them all.
+            for other in &others {
+                estimate.hold(&other[index]);
+            }
+            Fault { estimate, confounded_with: open.confounded[index].clone() }
+        })
+        .collect();
+    let foretold = || case.is_noise_left_of(case.holdout(), &fit::predict(&best.rig, case.holdout()));
+    let is_open = noise_only && !foretold();
+    let left = (!noise_only).then(|| residual::describe(&case.train()[0], &predictions[0]));
+    let bare = before.applied(case.rig);
+    let scores = |records: &[Prepared]| [score(&bare, records), score(&best.rig, records)];
+    Diagnosis {
+        verdict,
+        interrupted: interrupt::requested(),
+        faults,
+        free: estimates[case.rig.faults.len()..before.estimates.len()].to_vec(),
+        found,
+        noise: fit::pooled(case.train().iter().map(Prepared::noise_rms)),
+        colour: case.train()[0].colour,
+        train: scores(case.train()),
+        holdout: (!case.holdout().is_empty()).then(|| scores(case.holdout())),
+        left,
+        is_open,
+        rig: best.rig.clone(),
+        predictions,
+        before,
+        records: case.records.to_vec(),
+        jumps: None,
+    }
+}
+
+/// How much larger than white noise of the stated size what a model leaves counts: mean square times correlation time.
+fn inflation(records: &[Prepared], predictions: &[Vec<Outputs<f64>>], misfit: &Misfit<f64>) -> f64 {
+    misfit.mean_square().max(1.0) * residual::correlation_time(records, predictions)
+}

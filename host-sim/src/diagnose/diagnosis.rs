@@ -1,0 +1,124 @@
+//! The answer of a diagnosis.
+
+use super::residual::{self, Description, MEASURED};
+use crate::fit::{self, Estimate, Fit, Prepared};
+use crate::rig::Rig;
+use eha_monitor::effect::EffectInfo;
+use eha_monitor::model::state::Outputs;
+
+/// What the data say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// The declared faults explain the records down to the noise.
+    Adequate,
+    /// With the added effects, the residual is noise.
+    Explained,
+    /// Something is left that no effect of the catalogue explains.
+    Unexplained,
+}
+
+impl Verdict {
+    /// Name in results.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Adequate => "adequate",
+            Self::Explained => "explained",
+            Self::Unexplained => "unexplained",
+        }
+    }
+}
+
+/// An effect that was added to the model.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// The effect that fits best.
+    pub effect: &'static EffectInfo,
+    /// All effects that these records cannot tell from it, itself first.
+    pub class: Vec<&'static EffectInfo>,
+    /// Twice the logarithm of the odds against the model without it.
+    pub evidence: f64,
+    /// Does it, with those before it, explain the better part of the misfit, or do fitted and held-out records, each for
+    /// itself, give it the same size? If not it is a help for prediction, not a name for what is there.
+    pub named: bool,
+    /// Its parameters, as the last fit has them.
+    pub estimates: Vec<Estimate>,
+}
+
+/// Misfit of a model on records.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Score {
+    /// Root mean square of the user position's residual, m.
+    pub position_rms: f64,
+}
+
+/// A fault, and what it is mixed up with.
+#[derive(Clone, Debug)]
+pub struct Fault {
+    /// Its estimate.
+    pub estimate: Estimate,
+    /// Effects whose presence would leave it undetermined.
+    pub confounded_with: Vec<&'static EffectInfo>,
+}
+
+/// The answer.
+#[derive(Clone, Debug)]
+pub struct Diagnosis {
+    /// Verdict.
+    pub verdict: Verdict,
+    /// Was it interrupted? What was not tried by then is not ruled out.
+    pub interrupted: bool,
+    /// The faults before any effect was added.
+    pub before: Fit,
+    /// The declared faults at the end.
+    pub faults: Vec<Fault>,
+    /// The other parameters that the rig declares free, at the end.
+    pub free: Vec<Estimate>,
+    /// Effects that were added.
+    pub found: Vec<Found>,
+    /// Noise of each measured channel, rms over the fitted records.
+    pub noise: [f64; MEASURED],
+    /// What neighbouring samples of each measured channel share of it: 0 where it is white.
+    pub colour: [f64; MEASURED],
+    /// Training records, before and after.
+    pub train: [Score; 2],
+    /// Held-out records, before and after; none where there are none.
+    pub holdout: Option<[Score; 2]>,
+    /// Do the fitted records leave so much open that the held-out ones are predicted worse than their noise, although the
+    /// model explains them all together?
+    pub is_open: bool,
+    /// The final model.
+    pub rig: Rig,
+    /// Its prediction of the training records.
+    pub predictions: Vec<Vec<Outputs<f64>>>,
+    /// What is left, where the verdict is unexplained.
+    pub left: Option<Description>,
+    /// The records as they were compared: the fitted ones, then those that were held out.
+    pub records: Vec<Prepared>,
+    /// When the command of each record jumps, s after its first sample, where that was found to be between two samples.
+    pub jumps: Option<Vec<Vec<f64>>>,
+}
+
+impl Diagnosis {
+    /// The verdict for a person.
+    pub fn verdict_in_words(&self) -> String {
+        let so_far = self.interrupted && self.verdict == Verdict::Unexplained;
+        format!("{}{}", self.verdict.name(), if so_far { " so far (interrupted)" } else { "" })
+    }
+
+    /// Widens the intervals to hold those of the same model on another path of the command, which may be it as well.
+    pub(super) fn hold(&mut self, others: &[Estimate]) {
+        let of_faults = self.faults.iter_mut().map(|fault| &mut fault.estimate);
+        let of_effects = self.found.iter_mut().flat_map(|found| &mut found.estimates);
+        for estimate in of_faults.chain(&mut self.free).chain(of_effects) {
+            if let Some(other) = others.iter().find(|other| other.parameter == estimate.parameter) {
+                estimate.hold(other);
+            }
+        }
+    }
+}
+
+/// Misfit of a model on records.
+pub fn score(rig: &Rig, records: &[Prepared]) -> Score {
+    let series = residual::series(records, &fit::predict(rig, records), 0).concat();
+    Score { position_rms: fit::rms(series.into_iter()) }
+}

@@ -1,0 +1,253 @@
+//! Records taken in each way that a rig leaves open: commands that jump between samples, paths between them, laws of the
+//! spool.
+
+use super::case::Case;
+use super::conclusion::{Open, conclude, helpful};
+use super::diagnosis::{Diagnosis, Verdict};
+use super::hypothesis::{self, Hypothesis};
+use super::jumps::{Jumps, Timed};
+use super::{residual, search};
+use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, FitSettings, Polished, Reading, TOLD_APART};
+use crate::interrupt;
+use crate::rig::{CommandPath, Rig};
+use eha_monitor::fit::problem::Misfit;
+use std::iter;
+
+/// Chi-square between two readings of records that is no difference, whatever is found in them.
+const NO_DIFFERENCE: f64 = 1.0;
+/// Seeds from which the declared faults are fitted where the first leaves more than noise.
+const ROOT_SEEDS: u64 = 8;
+/// How often jumps are timed beside effects that are then found to be others.
+const MOST_TIMED: usize = 3;
+/// What is told of a diagnosis that takes them to be there.
+pub(super) const JUMPING: &str = ", command jumps between samples";
+
+/// A diagnosis, and the models behind it.
+pub(super) struct Answer {
+    pub(super) diagnosis: Diagnosis,
+    pub(super) model: Hypothesis,
+    /// What the fitted records alone speak for.
+    asked: Hypothesis,
+    /// The models of one effect at most that were tried.
+    simple: Vec<Hypothesis>,
+}
+
+impl Answer {
+    pub(super) fn is_unexplained(&self) -> bool {
+        self.diagnosis.verdict == Verdict::Unexplained
+    }
+
+    /// Do the records speak for it against one in another reading? All of them, or the fitted ones where both leave more
+    /// than noise: a command that jumps between samples may be what is left of the others.
+    fn is_better_than(&self, other: &Self, scale: f64) -> bool {
+        if self.is_unexplained() && other.is_unexplained() {
+            self.asked.cost_of_fitted(1.0) < other.asked.cost_of_fitted(1.0)
+        } else {
+            self.model.cost(scale) < other.model.cost(scale)
+        }
+    }
+
+    /// The model beside which the times of jumps are fitted: where it explains nothing, they may have been wrong for what
+    /// the fitted records ask for.
+    fn to_be_timed(&self) -> &Hypothesis {
+        if self.is_unexplained() { &self.asked } else { &self.model }
+    }
+}
+
+/// What records say of commands that jump between samples.
+pub(super) enum Between {
+    /// That there are none, or that they jump at samples.
+    No,
+    /// That these may be: what is free would be this.
+    Open(Vec<Estimate>),
+    /// That these are: the answer with them.
+    Found(Box<Diagnosis>),
+}
+
+/// Diagnoses a case whose commands jump between samples, if they do: if that explains more than the model that was found
+/// without it.
+pub(super) fn diagnose_with_jumps(case: &Case<'_>, without: &Answer, settings: &FitSettings) -> Between {
+    let is_curve = case.rig.command_path == CommandPath::Curve;
+    let as_it_is = || is_curve.then(|| Reading { rig: case.rig.clone(), records: case.records.to_vec() });
+    let Some(Reading { rig, records }) = fit::curved(case.rig, case.records).or_else(as_it_is) else {
+        return Between::No;
+    };
+    let curved = &Case { rig: &rig, records: &records, ..*case };
+    let Some(jumps) = Jumps::of(&records) else { return Between::No };
+    let beside = |model: &Hypothesis| {
+        let rig = rig.with_spool_of(&model.rig);
+        let moved = |case: &Case<'_>| model.refitted(case);
+        jumps.timed(&curved.under(&rig), moved, |_, case| moved(case))
+    };
+    let found = &without.model;
+    let asked = Some(without.to_be_timed()).filter(|asked| !asked.same_effects(found));
+    let models = iter::once(found).chain(asked).filter(|model| !model.added.is_empty());
+    // Wherever the jumps are in their samples, the faults are near where they are without the answers to them, or where
+    // they were with jumps at samples.
+    let roots: Vec<&Hypothesis> = without.simple.iter().filter(|model| model.added.is_empty()).collect();
+    let moved = |start: &Hypothesis, case: &Case<'_>| {
+        let refits = roots.iter().copied().chain([start]).map(|root| root.refitted(case));
+        refits.min_by(hypothesis::lower).unwrap_or_else(|| start.clone())
+    };
+    curved.progress.begin("timing the jumps", [0.0, 0.2]);
+    let alone = jumps.timed(curved, |case| Declared::of(case, settings).root, moved);
+    curved.progress.begin("timing the jumps beside what was found", [0.2, 0.4]);
+    let timed: Vec<Timed> = iter::once(alone).chain(models.map(beside)).collect();
+    let scale = timed.iter().map(|timed| timed.model.scale()).fold(found.scale(), f64::min);
+    let cost = |timed: &Timed| Some(timed.model.cost(scale) + timed.price()?);
+    let best = timed.into_iter().filter_map(|timed| Some((cost(&timed)?, timed)));
+    let Some((mut least, mut best)) = best.min_by(|(a, _), (b, _)| a.total_cmp(b)) else {
+        return Between::No;
+    };
+    let gain = found.cost(scale) - least;
+    if gain.abs() <= TOLD_APART && found.same_effects(&best.model) {
+        return Between::Open(best.model.estimates(&best.case(curved), None));
+    }
+    if gain <= TOLD_APART {
+        return Between::No;
+    }
+    let mut turn = 1;
+    loop {
+        let answer = diagnose_in_noise(&best.case(curved).part([0.4, 1.0], ""), settings);
+        let next = answer.to_be_timed();
+        let is_same = next.same_effects(&best.model)
+            && next.rig.has_sticking_spool() == best.model.rig.has_sticking_spool();
+        let is_last = turn == MOST_TIMED || is_same || interrupt::requested();
+        let next = (!is_last).then(|| beside(next));
+        let better = next.and_then(|next| Some((cost(&next)?, next))).filter(|(cost, _)| *cost < least);
+        let Some(better) = better else {
+            let jumps = Some(best.jumps.times(&records));
+            return Between::Found(Box::new(Diagnosis { jumps, ..answer.diagnosis }));
+        };
+        (least, best) = better;
+        turn += 1;
+    }
+}
+
+/// Diagnoses a case whose noise is as it says.
+///
+/// Records do not say what a command does between its samples, nor a rig when its spool sticks: the likeliest of the
+/// readings that the rig leaves open is taken (see [`Reading::all`]). Where another one makes a difference to what is found
+/// in that, and may be it as well, it is tried too; also where nothing explains the records in the first, and one effect
+/// leaves less of them in the other: what was missing may have spoken for the wrong one.
+pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answer {
+    case.progress.begin("fitting the declared faults", [0.0, 0.05]);
+    let own = Declared::of(case, settings);
+    let readings = Reading::all(case.rig, case.records);
+    let cases: Vec<Case<'_>> =
+        readings.iter().map(|Reading { rig, records }| Case { rig, records, ..*case }).collect();
+    let differs = |other: &&Case<'_>| readings_apart(&own.root.rig, case, other) > NO_DIFFERENCE;
+    let others: Vec<(&Case<'_>, Declared)> =
+        cases.iter().skip(1).filter(differs).map(|other| (other, Declared::of(other, settings))).collect();
+    let mut read: Vec<(&Case<'_>, Declared)> = iter::once((case, own)).chain(others).collect();
+    if read.len() == 1 {
+        return diagnose_from(case, read.remove(0).1, settings);
+    }
+    let misfits: Vec<Misfit<f64>> = read.iter().map(|(_, declared)| declared.root.joint.misfit).collect();
+    let (here, declared) = read.swap_remove(fit::speaks_for(&misfits));
+    let mut answer = diagnose_from(&here.part([0.0, 0.6], ""), declared, settings);
+    let is_unexplained = answer.is_unexplained();
+    let Answer { diagnosis, model: best, simple, .. } = &mut answer;
+    let scale = best.scale();
+    let mut rivals = Vec::new();
+    for (there, declared) in read {
+        let moved = best.refitted(there);
+        let is_open = !best.is_likelier(&moved);
+        if is_open && !is_unexplained {
+            diagnosis.hold(&moved.estimates(there, None));
+        }
+        let differs = readings_apart(&best.rig, here, there) >= TOLD_APART * scale;
+        if differs && (is_open || is_unexplained) {
+            rivals.push((moved.cost(scale), is_open, there, declared));
+        }
+    }
+    let likeliest = rivals.into_iter().min_by(|(a, ..), (b, ..)| a.total_cmp(b));
+    let Some((_, is_open, there, declared)) = likeliest else { return answer };
+    if diagnosis.verdict == Verdict::Adequate || interrupt::requested() {
+        return answer;
+    }
+    if !is_open {
+        case.progress.begin("trying another reading", [0.6, 0.65]);
+        let excerpts = there.excerpts();
+        let searched = there.searched(excerpts.as_deref());
+        let root = &declared.root;
+        let root = if excerpts.is_some() { root.refitted(&searched) } else { root.clone() };
+        let others = search::first_round(&searched, root);
+        if !leaves_less(&others, simple, scale) {
+            return answer;
+        }
+    }
+    let other = diagnose_from(&there.part([0.65, 1.0], ", in another reading"), declared, settings);
+    if other.is_better_than(&answer, scale) { other } else { answer }
+}
+
+/// Does one of some models leave less than all of some others, of all records or of the fitted ones?
+fn leaves_less(some: &[Hypothesis], others: &[Hypothesis], scale: f64) -> bool {
+    let costs = [Hypothesis::cost, Hypothesis::cost_of_fitted];
+    costs.iter().any(|cost| {
+        let least = |models: &[Hypothesis]| {
+            models.iter().map(|model| cost(model, scale)).fold(f64::INFINITY, f64::min)
+        };
+        least(some) < least(others)
+    })
+}
+
+/// Chi-square between what a model predicts for records in two readings.
+fn readings_apart(rig: &Rig, one: &Case<'_>, other: &Case<'_>) -> f64 {
+    let [one, other] = [one, other].map(|case| {
+        residual::in_noise(case.records, &fit::glimpse(&rig.with_spool_of(case.rig), case.records))
+    });
+    (one - other).norm_squared()
+}
+
+/// The declared faults, fitted to the records of a case.
+struct Declared {
+    fit: Fit,
+    root: Hypothesis,
+}
+
+impl Declared {
+    fn of(case: &Case<'_>, settings: &FitSettings) -> Self {
+        let ranges = case.rig.declared();
+        let fit = fit::fit_from_seeds(case.rig, &ranges, case.train(), settings, ROOT_SEEDS, |standing| {
+            case.progress.searched(standing);
+        });
+        let root = Hypothesis::root(case, &fit, ranges);
+        Self { fit, root }
+    }
+}
+
+/// Diagnoses a case whose declared faults are fitted. A model beside which the times of its jumps were fitted is one of
+/// those that are weighed.
+fn diagnose_from(
+    case: &Case<'_>,
+    Declared { fit: mut before, root }: Declared,
+    settings: &FitSettings,
+) -> Answer {
+    // Long records are searched in excerpts; what is found is then fitted to the whole.
+    let excerpts = case.excerpts();
+    let in_excerpts = excerpts.is_some();
+    let searched = case.searched(excerpts.as_deref());
+    let in_them = |model: Hypothesis| if in_excerpts { model.refitted(&searched) } else { model };
+    let known = case.timed.map(|timed| timed.model.clone()).filter(|known| !known.added.is_empty());
+    let sound = search::search(&searched, in_them(root), known.map(in_them), settings);
+    let Hypothesis { ranges, train: Polished { values, .. }, .. } = &sound.root;
+    let there = fit::misfit(case.rig, ranges, values, case.train());
+    if there.chi_square < before.misfit.chi_square - BETTER_VALLEY {
+        before = fit::fit_near(case.rig, ranges, values, case.train(), settings);
+    }
+    case.progress.begin("looking for what is mixed up with a fault", [0.95, 1.0]);
+    let whole = if in_excerpts { sound.best.refitted(case) } else { sound.best.clone() };
+    let named = whole.is_name(case, &before.misfit);
+    let confounded = sound.best.confounded(&searched);
+    let (whole, earned, stand_ins) = if named {
+        (whole, sound.earned, sound.stand_ins)
+    } else {
+        let (whole, earned) = helpful(case, &before, whole, sound.earned);
+        let none = vec![Vec::new(); earned.len()];
+        (whole, earned, none)
+    };
+    let open = Open { named, stand_ins, confounded };
+    let diagnosis = conclude(case, before, &whole, &earned, &open);
+    Answer { diagnosis, model: whole, asked: sound.asked, simple: sound.simple }
+}
