@@ -26,13 +26,14 @@ struct Residuals<'a> {
     period: f64,
 }
 
-/// Spectrum and correlations of the residual of every measured channel, of every model: those of the first at once, those
-/// of the others where the reader asks for them.
+/// Spectrum and correlations of the residual of every channel that was fitted, of every model: those of the first at once,
+/// those of the others where the reader asks for them.
 pub(super) fn tests(all: &[Compared<'_>], noise: &[f64; MEASURED]) -> Markup {
-    let mut measured = (0..MEASURED).filter(|&channel| all.iter().any(|one| one.has(channel)));
+    let is_fitted = |&channel: &usize| noise[channel].is_finite() && all.iter().any(|one| one.has(channel));
+    let mut fitted = (0..MEASURED).filter(is_fitted);
     html! {
-        @if let Some(first) = measured.next() { (tests_of(all, first, noise[first])) }
-        @for channel in measured {
+        @if let Some(first) = fitted.next() { (tests_of(all, first, noise[first])) }
+        @for channel in fitted {
             details.wide {
                 summary { (format!("The same of the {}", quantity_of(Channel::MEASURED[channel]))) }
                 div.grid { (tests_of(all, channel, noise[channel])) }
