@@ -70,7 +70,7 @@ fn a_diagnosis_shows_its_rounds_its_fits_and_the_best() {
     }
     assert!(shown.contains(" times the noise, "), "{shown}");
     // Nobody knows the time that is left before a part of it is gone.
-    assert!(!shown.contains("0 seconds left") && !shown.contains("/100  fitting"), "{shown}");
+    assert!(!shown.contains(" 0 seconds left") && !shown.contains("/100  fitting"), "{shown}");
 }
 
 #[test]
