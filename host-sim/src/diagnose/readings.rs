@@ -82,12 +82,10 @@ pub(super) fn diagnose_with_jumps(case: &Case<'_>, without: &Answer, settings: &
     let found = &without.model;
     let asked = Some(without.to_be_timed()).filter(|asked| !asked.same_effects(found));
     let models = iter::once(found).chain(asked).filter(|model| !model.added.is_empty());
-    // Wherever the jumps are in their samples, the faults are near where they are without the answers to them, or where
-    // they were with jumps at samples.
-    let roots: Vec<&Hypothesis> = without.simple.iter().filter(|model| model.added.is_empty()).collect();
+    // What leaves out the answers to jumps may end in another valley of the faults than all of it: each place is searched.
     let moved = |start: &Hypothesis, case: &Case<'_>| {
-        let refits = roots.iter().copied().chain([start]).map(|root| root.refitted(case));
-        refits.min_by(hypothesis::lower).unwrap_or_else(|| start.clone())
+        let searched = Declared::from_seeds(case, settings, 1).root;
+        [searched, start.refitted(case)].into_iter().min_by(hypothesis::lower).unwrap_or_else(|| start.clone())
     };
     curved.progress.begin("timing the jumps", [0.0, 0.2]);
     let alone = jumps.timed(curved, |case| Declared::of(case, settings).root, moved);
@@ -208,8 +206,13 @@ struct Declared {
 
 impl Declared {
     fn of(case: &Case<'_>, settings: &FitSettings) -> Self {
+        Self::from_seeds(case, settings, ROOT_SEEDS)
+    }
+
+    /// The best of searches from so many seeds.
+    fn from_seeds(case: &Case<'_>, settings: &FitSettings, seeds: u64) -> Self {
         let ranges = case.rig.declared();
-        let fit = fit::fit_from_seeds(case.rig, &ranges, case.train(), settings, ROOT_SEEDS, |standing| {
+        let fit = fit::fit_from_seeds(case.rig, &ranges, case.train(), settings, seeds, |standing| {
             case.progress.searched(standing);
         });
         let root = Hypothesis::root(case, &fit, ranges);
