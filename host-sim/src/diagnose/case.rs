@@ -27,6 +27,9 @@ pub struct Case<'a> {
     pub model_error: [f64; MEASURED],
     /// The jumps of their commands, and the model beside which their times were fitted, where they were.
     pub(super) timed: Option<&'a Timed>,
+    /// What an explanation of the records costs that is known already, where one is: effects that cost more are not looked
+    /// for. See [`super::hypothesis::Hypothesis::cost`].
+    pub(super) rival: Option<f64>,
     /// Whom it tells where it stands.
     pub(super) progress: Progress<'a>,
 }
@@ -68,6 +71,7 @@ impl<'a> Case<'a> {
             known_noise: Channel::MEASURED.map(|channel| rig.noise_of(channel)),
             model_error: std::array::from_fn(error),
             timed: None,
+            rival: None,
             progress: Progress::SILENT,
         }
     }
@@ -96,7 +100,8 @@ impl<'a> Case<'a> {
     where
         'a: 'b,
     {
-        Case { records: excerpts.unwrap_or(self.records), timed: None, ..*self }
+        let rival = self.rival.filter(|_| excerpts.is_none());
+        Case { records: excerpts.unwrap_or(self.records), timed: None, rival, ..*self }
     }
 
     /// Do predictions of all records leave no more than noise of them?

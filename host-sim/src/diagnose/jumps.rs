@@ -59,6 +59,7 @@ impl Jump {
 pub(super) struct Jumps(Vec<Vec<Jump>>);
 
 /// A model and its records, the times of the jumps of their commands fitted to both.
+#[derive(Clone)]
 pub(super) struct Timed {
     pub(super) records: Vec<Prepared>,
     pub(super) model: Hypothesis,

@@ -26,6 +26,7 @@
 //! unexplained: is it noise if the noise is coloured? Then anew, with that
 //! ```
 
+mod between;
 mod candidate;
 mod case;
 mod conclusion;
@@ -46,8 +47,9 @@ pub use diagnosis::{Diagnosis, Fault, Found, Score, Verdict, score};
 
 use crate::fit::{self, FitSettings, Prepared};
 use crate::interrupt;
+use between::{Between, Jumping};
 use progress::{Log, Progress, Watch};
-use readings::{Between, JUMPING, diagnose_in_noise, diagnose_with_jumps};
+use readings::diagnose_in_noise;
 use residual::MEASURED;
 
 /// Diagnoses a case. `watch` is told where it stands.
@@ -58,14 +60,22 @@ use residual::MEASURED;
 pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
     let log = Log::new(watch);
     let case = &Case { progress: Progress::of(&log), ..*case };
-    let answer = diagnose_in_noise(&case.part([0.0, 0.7], ""), settings);
+    let jumping = Jumping::of(&case.part([0.0, 0.05], ""), settings);
+    let rival = jumping.as_ref().and_then(|jumping| jumping.rival(case));
+    let answer = diagnose_in_noise(&Case { rival, ..case.part([0.05, 0.7], "") }, settings);
     if interrupt::requested() {
         return answer.diagnosis;
     }
     // What explains the records says how they are to be read.
     let rig =
         if answer.is_unexplained() { case.rig.clone() } else { case.rig.with_spool_of(&answer.model.rig) };
-    let between = diagnose_with_jumps(&case.under(&rig).part([0.7, 0.9], JUMPING), &answer, settings);
+    let other = &case.under(&rig).part([0.7, 0.9], "");
+    let jumping = if rig.has_sticking_spool() == case.rig.has_sticking_spool() {
+        jumping
+    } else {
+        Jumping::of(other, settings)
+    };
+    let between = jumping.map_or(Between::No, |jumping| jumping.diagnose(other, &answer, settings));
     let is_unexplained = answer.is_unexplained();
     let mut diagnosis = answer.diagnosis;
     match between {

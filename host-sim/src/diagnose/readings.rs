@@ -1,15 +1,13 @@
-//! Records taken in each way that a rig leaves open: commands that jump between samples, paths between them, laws of the
-//! spool.
+//! Records taken in each way that a rig leaves open: paths of the command between samples, laws of the spool.
 
 use super::case::Case;
 use super::conclusion::{Open, conclude, helpful};
 use super::diagnosis::{Diagnosis, Verdict};
-use super::hypothesis::{self, Hypothesis};
-use super::jumps::{Jumps, Timed};
+use super::hypothesis::Hypothesis;
 use super::{residual, search};
-use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, FitSettings, Polished, Reading, TOLD_APART};
+use crate::fit::{self, BETTER_VALLEY, Fit, FitSettings, Polished, Reading, TOLD_APART};
 use crate::interrupt;
-use crate::rig::{CommandPath, Rig};
+use crate::rig::Rig;
 use eha_monitor::fit::problem::Misfit;
 use std::iter;
 
@@ -17,10 +15,6 @@ use std::iter;
 const NO_DIFFERENCE: f64 = 1.0;
 /// Seeds from which the declared faults are fitted where the first leaves more than noise.
 const ROOT_SEEDS: u64 = 8;
-/// How often jumps are timed beside effects that are then found to be others.
-const MOST_TIMED: usize = 3;
-/// What is told of a diagnosis that takes them to be there.
-pub(super) const JUMPING: &str = ", command jumps between samples";
 
 /// A diagnosis, and the models behind it.
 pub(super) struct Answer {
@@ -49,76 +43,8 @@ impl Answer {
 
     /// The model beside which the times of jumps are fitted: where it explains nothing, they may have been wrong for what
     /// the fitted records ask for.
-    fn to_be_timed(&self) -> &Hypothesis {
+    pub(super) fn to_be_timed(&self) -> &Hypothesis {
         if self.is_unexplained() { &self.asked } else { &self.model }
-    }
-}
-
-/// What records say of commands that jump between samples.
-pub(super) enum Between {
-    /// That there are none, or that they jump at samples.
-    No,
-    /// That these may be: what is free would be this.
-    Open(Vec<Estimate>),
-    /// That these are: the answer with them.
-    Found(Box<Diagnosis>),
-}
-
-/// Diagnoses a case whose commands jump between samples, if they do: if that explains more than the model that was found
-/// without it.
-pub(super) fn diagnose_with_jumps(case: &Case<'_>, without: &Answer, settings: &FitSettings) -> Between {
-    let is_curve = case.rig.command_path == CommandPath::Curve;
-    let as_it_is = || is_curve.then(|| Reading { rig: case.rig.clone(), records: case.records.to_vec() });
-    let Some(Reading { rig, records }) = fit::curved(case.rig, case.records).or_else(as_it_is) else {
-        return Between::No;
-    };
-    let curved = &Case { rig: &rig, records: &records, ..*case };
-    let Some(jumps) = Jumps::of(&records) else { return Between::No };
-    let beside = |model: &Hypothesis| {
-        let rig = rig.with_spool_of(&model.rig);
-        let moved = |case: &Case<'_>| model.refitted(case);
-        jumps.timed(&curved.under(&rig), moved, |_, case| moved(case))
-    };
-    let found = &without.model;
-    let asked = Some(without.to_be_timed()).filter(|asked| !asked.same_effects(found));
-    let models = iter::once(found).chain(asked).filter(|model| !model.added.is_empty());
-    // What leaves out the answers to jumps may end in another valley of the faults than all of it: each place is searched.
-    let moved = |start: &Hypothesis, case: &Case<'_>| {
-        let searched = Declared::from_seeds(case, settings, 1).root;
-        [searched, start.refitted(case)].into_iter().min_by(hypothesis::lower).unwrap_or_else(|| start.clone())
-    };
-    curved.progress.begin("timing the jumps", [0.0, 0.2]);
-    let alone = jumps.timed(curved, |case| Declared::of(case, settings).root, moved);
-    curved.progress.begin("timing the jumps beside what was found", [0.2, 0.4]);
-    let timed: Vec<Timed> = iter::once(alone).chain(models.map(beside)).collect();
-    let scale = timed.iter().map(|timed| timed.model.scale()).fold(found.scale(), f64::min);
-    let cost = |timed: &Timed| Some(timed.model.cost(scale) + timed.price()?);
-    let best = timed.into_iter().filter_map(|timed| Some((cost(&timed)?, timed)));
-    let Some((mut least, mut best)) = best.min_by(|(a, _), (b, _)| a.total_cmp(b)) else {
-        return Between::No;
-    };
-    let gain = found.cost(scale) - least;
-    if gain.abs() <= TOLD_APART && found.same_effects(&best.model) {
-        return Between::Open(best.model.estimates(&best.case(curved), None));
-    }
-    if gain <= TOLD_APART {
-        return Between::No;
-    }
-    let mut turn = 1;
-    loop {
-        let answer = diagnose_in_noise(&best.case(curved).part([0.4, 1.0], ""), settings);
-        let next = answer.to_be_timed();
-        let is_same = next.same_effects(&best.model)
-            && next.rig.has_sticking_spool() == best.model.rig.has_sticking_spool();
-        let is_last = turn == MOST_TIMED || is_same || interrupt::requested();
-        let next = (!is_last).then(|| beside(next));
-        let better = next.and_then(|next| Some((cost(&next)?, next))).filter(|(cost, _)| *cost < least);
-        let Some(better) = better else {
-            let jumps = Some(best.jumps.times(&records));
-            return Between::Found(Box::new(Diagnosis { jumps, ..answer.diagnosis }));
-        };
-        (least, best) = better;
-        turn += 1;
     }
 }
 
@@ -199,18 +125,18 @@ fn readings_apart(rig: &Rig, one: &Case<'_>, other: &Case<'_>) -> f64 {
 }
 
 /// The declared faults, fitted to the records of a case.
-struct Declared {
+pub(super) struct Declared {
     fit: Fit,
-    root: Hypothesis,
+    pub(super) root: Hypothesis,
 }
 
 impl Declared {
-    fn of(case: &Case<'_>, settings: &FitSettings) -> Self {
+    pub(super) fn of(case: &Case<'_>, settings: &FitSettings) -> Self {
         Self::from_seeds(case, settings, ROOT_SEEDS)
     }
 
     /// The best of searches from so many seeds.
-    fn from_seeds(case: &Case<'_>, settings: &FitSettings, seeds: u64) -> Self {
+    pub(super) fn from_seeds(case: &Case<'_>, settings: &FitSettings, seeds: u64) -> Self {
         let ranges = case.rig.declared();
         let fit = fit::fit_from_seeds(case.rig, &ranges, case.train(), settings, seeds, |standing| {
             case.progress.searched(standing);

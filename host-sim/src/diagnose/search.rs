@@ -96,11 +96,13 @@ impl Growth<'_> {
 
     /// Keeps a beam and what grew from it, and says what is grown next: nothing where that would not help.
     fn chosen(&mut self, beam: &[Hypothesis], mut grown: Vec<Hypothesis>) -> Vec<Hypothesis> {
-        let Self { case, tried, .. } = self;
-        tried.retain(|known| !beam.iter().any(|moved| moved.same_effects(known)));
-        tried.extend(beam.iter().cloned());
-        let scale = grown.iter().chain(&*tried).map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
-        tried.extend(grown.iter().cloned());
+        self.tried.retain(|known| !beam.iter().any(|moved| moved.same_effects(known)));
+        self.tried.extend(beam.iter().chain(&grown).cloned());
+        if self.is_beaten() {
+            return Vec::new();
+        }
+        let Self { case, tried } = &*self;
+        let scale = tried.iter().map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
         grown.sort_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)));
         let best = grown.first().map_or(f64::INFINITY, |first| first.cost(scale));
         let settled = beam.iter().all(|parent| parent.cost(scale) <= best);
@@ -125,9 +127,17 @@ impl Growth<'_> {
         next
     }
 
-    /// Does something that was tried leave noise, or is the user in a hurry?
+    /// Is there an explanation that is cheaper than all that was tried?
+    fn is_beaten(&self) -> bool {
+        let costs_more = |rival| self.tried.iter().all(|known| known.cost(1.0) > rival + TOLD_APART);
+        self.case.rival.is_some_and(costs_more)
+    }
+
+    /// Does something that was tried leave noise, is another explanation cheaper, or is the user in a hurry?
     fn is_done(&self) -> bool {
-        interrupt::requested() || self.tried.iter().any(|known| known.leaves_noise(self.case))
+        interrupt::requested()
+            || self.is_beaten()
+            || self.tried.iter().any(|known| known.leaves_noise(self.case))
     }
 
     /// Where nothing that was tried leaves noise: looks for each effect of the best beside the others, since each was found

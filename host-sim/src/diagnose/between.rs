@@ -1,0 +1,107 @@
+//! Commands that may jump between the samples of their record: the answer where they do.
+
+use super::case::Case;
+use super::diagnosis::Diagnosis;
+use super::hypothesis::{self, Hypothesis};
+use super::jumps::{Jumps, Timed};
+use super::readings::{Answer, Declared, diagnose_in_noise};
+use crate::fit::{self, Estimate, FitSettings, Reading, TOLD_APART};
+use crate::interrupt;
+use crate::rig::CommandPath;
+use std::iter;
+
+/// How often jumps are timed beside effects that are then found to be others.
+const MOST_TIMED: usize = 3;
+/// What is told of a diagnosis that takes them to be there.
+const JUMPING: &str = ", command jumps between samples";
+
+/// What records say of commands that jump between samples.
+pub(super) enum Between {
+    /// That there are none, or that they jump at samples.
+    No,
+    /// That these may be: what is free would be this.
+    Open(Vec<Estimate>),
+    /// That these are: the answer with them.
+    Found(Box<Diagnosis>),
+}
+
+/// The records of a case with jumps between samples in their commands.
+pub(super) struct Jumping {
+    reading: Reading,
+    jumps: Jumps,
+    /// Their times beside the declared faults alone.
+    alone: Timed,
+}
+
+impl Jumping {
+    /// None where the rig rules it out, or no command jumps now and then.
+    pub(super) fn of(case: &Case<'_>, settings: &FitSettings) -> Option<Self> {
+        let is_curve = case.rig.command_path == CommandPath::Curve;
+        let as_it_is = || is_curve.then(|| Reading { rig: case.rig.clone(), records: case.records.to_vec() });
+        let reading = fit::curved(case.rig, case.records).or_else(as_it_is)?;
+        let jumps = Jumps::of(&reading.records)?;
+        // What leaves out the answers to jumps may end in another valley of the faults than all of it: each place is
+        // searched.
+        let moved = |start: &Hypothesis, case: &Case<'_>| {
+            let [searched, moved] = [Declared::from_seeds(case, settings, 1).root, start.refitted(case)];
+            if hypothesis::lower(&moved, &searched).is_lt() { moved } else { searched }
+        };
+        let curved = Case { rig: &reading.rig, records: &reading.records, ..case.part([0.0, 1.0], JUMPING) };
+        curved.progress.begin("timing the jumps", [0.0, 1.0]);
+        let alone = jumps.timed(&curved, |case| Declared::of(case, settings).root, moved);
+        Some(Self { reading, jumps, alone })
+    }
+
+    /// What the declared faults alone cost in it, in place of effects in another reading: none where they leave more than
+    /// noise.
+    pub(super) fn rival(&self, case: &Case<'_>) -> Option<f64> {
+        let Timed { model, .. } = &self.alone;
+        let leaves_noise = model.leaves_noise(&self.alone.case(case));
+        leaves_noise.then(|| Some(model.cost(1.0) + self.alone.price()?)).flatten()
+    }
+
+    /// Diagnoses the case in it, if that explains more than the model that was found without it.
+    pub(super) fn diagnose(self, case: &Case<'_>, without: &Answer, settings: &FitSettings) -> Between {
+        let Self { reading: Reading { rig, records }, jumps, alone } = &self;
+        let curved = &Case { rig, records, ..case.part([0.0, 1.0], JUMPING) };
+        let beside = |model: &Hypothesis| {
+            let rig = rig.with_spool_of(&model.rig);
+            let moved = |case: &Case<'_>| model.refitted(case);
+            jumps.timed(&curved.under(&rig), moved, |_, case| moved(case))
+        };
+        let found = &without.model;
+        let asked = Some(without.to_be_timed()).filter(|asked| !asked.same_effects(found));
+        let models = iter::once(found).chain(asked).filter(|model| !model.added.is_empty());
+        curved.progress.begin("timing the jumps beside what was found", [0.0, 0.3]);
+        let timed: Vec<Timed> = iter::once(alone.clone()).chain(models.map(beside)).collect();
+        let scale = timed.iter().map(|timed| timed.model.scale()).fold(found.scale(), f64::min);
+        let cost = |timed: &Timed| Some(timed.model.cost(scale) + timed.price()?);
+        let best = timed.into_iter().filter_map(|timed| Some((cost(&timed)?, timed)));
+        let Some((mut least, mut best)) = best.min_by(|(a, _), (b, _)| a.total_cmp(b)) else {
+            return Between::No;
+        };
+        let gain = found.cost(scale) - least;
+        if gain.abs() <= TOLD_APART && found.same_effects(&best.model) {
+            return Between::Open(best.model.estimates(&best.case(curved), None));
+        }
+        if gain <= TOLD_APART {
+            return Between::No;
+        }
+        let mut turn = 1;
+        loop {
+            let answer = diagnose_in_noise(&best.case(curved).part([0.3, 1.0], ""), settings);
+            let next = answer.to_be_timed();
+            let is_same = next.same_effects(&best.model)
+                && next.rig.has_sticking_spool() == best.model.rig.has_sticking_spool();
+            let is_last = turn == MOST_TIMED || is_same || interrupt::requested();
+            let next = (!is_last).then(|| beside(next));
+            let better = next.and_then(|next| Some((cost(&next)?, next))).filter(|(cost, _)| *cost < least);
+            let Some(better) = better else {
+                let jumps = Some(best.jumps.times(records));
+                return Between::Found(Box::new(Diagnosis { jumps, ..answer.diagnosis }));
+            };
+            (least, best) = better;
+            turn += 1;
+        }
+    }
+}
