@@ -93,14 +93,7 @@ impl Prospect {
         others: &[Vec<f64>],
         steps: u32,
     ) -> Option<Candidate> {
-        let rough = self.rough(rig, records, others, steps)?;
-        if within_noise(&rough.fit.misfit) {
-            return Some(rough);
-        }
-        let ringing = place::ringing(&rough, rig, records);
-        let ringing =
-            ringing.iter().filter_map(|place| self.from(rig, &place.ranges, &place.values, records, steps));
-        ringing.chain([rough]).min_by(lower)
+        Some(self.rough(rig, records, others, steps)?.or_ringing(rig, records, steps))
     }
 
     /// A rough fit, from what the linear model foresees and from each place where the effect was looked for: what was free
@@ -131,22 +124,17 @@ impl Prospect {
                 .collect();
         let fits: Vec<Candidate> = starts
             .into_par_iter()
-            .filter_map(|(ranges, start)| self.from(rig, ranges, &start, records, steps))
+            .filter_map(|(ranges, start)| {
+                Candidate::rough(
+                    self.effect,
+                    &Place { ranges: ranges.clone(), values: start },
+                    rig,
+                    records,
+                    steps,
+                )
+            })
             .collect();
         fits.into_iter().min_by(lower)
-    }
-
-    /// A rough fit from a start.
-    fn from(
-        &self,
-        rig: &Rig,
-        ranges: &[Range],
-        start: &[f64],
-        records: &[Prepared],
-        steps: u32,
-    ) -> Option<Candidate> {
-        let fit = fit::approach(rig, ranges, start, records, steps)?;
-        Some(Candidate { effect: self.effect, ranges: ranges.to_vec(), fit })
     }
 }
 
@@ -167,6 +155,35 @@ pub(super) struct Candidate {
 }
 
 impl Candidate {
+    /// A rough fit from a place.
+    fn rough(
+        effect: &'static EffectInfo,
+        start: &Place,
+        rig: &Rig,
+        records: &[Prepared],
+        steps: u32,
+    ) -> Option<Self> {
+        let fit = fit::approach(rig, &start.ranges, &start.values, records, steps)?;
+        Some(Self { effect, ranges: start.ranges.clone(), fit })
+    }
+
+    /// Goes on by some rough steps.
+    pub(super) fn further(self, rig: &Rig, records: &[Prepared], steps: u32) -> Option<Self> {
+        let here = Place { ranges: self.ranges, values: self.fit.values };
+        Some(Self::rough(self.effect, &here, rig, records, steps)?.or_ringing(rig, records, steps))
+    }
+
+    /// The same in another valley of what rings, where one is better; not where it leaves noise.
+    fn or_ringing(self, rig: &Rig, records: &[Prepared], steps: u32) -> Self {
+        if within_noise(&self.fit.misfit) {
+            return self;
+        }
+        let places = place::ringing(&self, rig, records);
+        let ringing = places.iter().filter_map(|place| Self::rough(self.effect, place, rig, records, steps));
+        let best = ringing.min_by(lower);
+        best.filter(|best| lower(best, &self).is_lt()).unwrap_or(self)
+    }
+
     /// Goes on to the bottom.
     pub(super) fn finished(self, rig: &Rig, records: &[Prepared]) -> Option<Self> {
         let (ranges, fit) = fitted(rig, self.ranges, &self.fit.values, records)?;

@@ -29,7 +29,7 @@ const MOST_APPROACHED: usize = 10;
 /// Most of them that are fitted, to the fitted records and to all: more than look alike in the position alone, so that
 /// the held-out records decide among these.
 const MOST_FITTED: usize = 8;
-/// Steps of a rough fit, and of one where none of these leads to noise: where channels say far more than the position
+/// Steps of a rough fit, and by how many it goes on where none leads to noise: where channels say far more than the position
 /// does, the way to the bottom can be long and bent.
 const FEW_STEPS: u32 = 3;
 const MANY_STEPS: u32 = 12;
@@ -272,17 +272,19 @@ impl Hypothesis {
             promising.truncate(MOST_APPROACHED);
         }
         promising.append(&mut asked);
-        let approached = |steps| -> Vec<Candidate> {
-            case.progress.expect(promising.len());
-            promising
-                .par_iter()
-                .filter(|_| !interrupt::requested())
-                .filter_map(|prospect| case.told(prospect.approach(&self.rig, case.train(), others, steps)))
-                .collect()
-        };
-        let mut near = approached(FEW_STEPS);
+        case.progress.expect(promising.len());
+        let mut near: Vec<Candidate> = promising
+            .into_par_iter()
+            .filter(|_| !interrupt::requested())
+            .filter_map(|prospect| case.told(prospect.approach(&self.rig, case.train(), others, FEW_STEPS)))
+            .collect();
         if !near.iter().any(|near| within_noise(&near.fit.misfit)) {
-            near = approached(MANY_STEPS);
+            case.progress.expect(near.len());
+            near = near
+                .into_par_iter()
+                .filter(|_| !interrupt::requested())
+                .filter_map(|near| case.told(near.further(&self.rig, case.train(), MANY_STEPS)))
+                .collect();
         }
         let reached = |near: &Candidate| base - near.fit.misfit.chi_square;
         let wanted = near.iter().map(reached).fold(wanted, f64::max);

@@ -52,6 +52,9 @@ use progress::{Log, Progress, Watch};
 use readings::diagnose_in_noise;
 use residual::MEASURED;
 
+/// Share of a diagnosis in which jumps between samples are timed first.
+const TIMING: f64 = 0.05;
+
 /// Diagnoses a case. `watch` is told where it stands.
 ///
 /// Commands are taken to jump at samples, and noise for white, first. Jumps between two samples may be the truth; where
@@ -60,9 +63,10 @@ use residual::MEASURED;
 pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
     let log = Log::new(watch);
     let case = &Case { progress: Progress::of(&log), ..*case };
-    let jumping = Jumping::of(&case.part([0.0, 0.05], ""), settings);
+    let jumping = Jumping::of(&case.part([0.0, TIMING], ""), settings);
     let rival = jumping.as_ref().and_then(|jumping| jumping.rival(case));
-    let answer = diagnose_in_noise(&Case { rival, ..case.part([0.05, 0.7], "") }, settings);
+    let timed_first = if jumping.is_some() { TIMING } else { 0.0 };
+    let answer = diagnose_in_noise(&Case { rival, ..case.part([timed_first, 0.7], "") }, settings);
     if interrupt::requested() {
         return answer.diagnosis;
     }

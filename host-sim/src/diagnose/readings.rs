@@ -4,11 +4,13 @@ use super::case::Case;
 use super::conclusion::{Open, conclude, helpful};
 use super::diagnosis::{Diagnosis, Verdict};
 use super::hypothesis::Hypothesis;
-use super::{residual, search};
+use super::residual;
+use super::search::{self, FirstRound};
 use crate::fit::{self, BETTER_VALLEY, Fit, FitSettings, Polished, Reading, TOLD_APART};
 use crate::interrupt;
 use crate::rig::Rig;
 use eha_monitor::fit::problem::Misfit;
+use std::cell::OnceCell;
 use std::iter;
 
 /// Chi-square between two readings of records that is no difference, whatever is found in them.
@@ -51,9 +53,10 @@ impl Answer {
 /// Diagnoses a case whose noise is as it says.
 ///
 /// Records do not say what a command does between its samples, nor a rig when its spool sticks: the likeliest of the
-/// readings that the rig leaves open is taken (see [`Reading::all`]). Where another one makes a difference to what is found
-/// in that, and may be it as well, it is tried too; also where nothing explains the records in the first, and one effect
-/// leaves less of them in the other: what was missing may have spoken for the wrong one.
+/// readings that the rig leaves open is taken (see [`Reading::all`]). What is missing may speak for the wrong one: where
+/// one effect does not explain the records in it, the readings are judged again by the best that one effect makes of
+/// each. Where another one makes a difference to what is found in the one that is taken, and may be it as well, it is
+/// tried too; also where nothing explains the records, and one effect leaves less of them in the other.
 pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answer {
     case.progress.begin("fitting the declared faults", [0.0, 0.05]);
     let own = Declared::of(case, settings);
@@ -64,12 +67,16 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     let others: Vec<(&Case<'_>, Declared)> =
         cases.iter().skip(1).filter(differs).map(|other| (other, Declared::of(other, settings))).collect();
     let mut read: Vec<(&Case<'_>, Declared)> = iter::once((case, own)).chain(others).collect();
-    if read.len() == 1 {
-        return diagnose_from(case, read.remove(0).1, settings);
-    }
     let misfits: Vec<Misfit<f64>> = read.iter().map(|(_, declared)| declared.root.joint.misfit).collect();
-    let (here, declared) = read.swap_remove(fit::speaks_for(&misfits));
-    let mut answer = diagnose_from(&here.part([0.0, 0.6], ""), declared, settings);
+    let mut likeliest = fit::speaks_for(&misfits);
+    let is_one = read.len() == 1;
+    let (there, declared) = &read[likeliest];
+    if !is_one && !declared.begun(there).leaves_noise && !interrupt::requested() {
+        let best = |(case, declared): &(&Case<'_>, Declared)| declared.begun(case).best().joint.misfit;
+        likeliest = fit::speaks_for(&read.iter().map(best).collect::<Vec<_>>());
+    }
+    let (here, declared) = read.swap_remove(likeliest);
+    let mut answer = diagnose_from(&here.part([0.0, if is_one { 1.0 } else { 0.6 }], ""), declared, settings);
     let is_unexplained = answer.is_unexplained();
     let Answer { diagnosis, model: best, simple, .. } = &mut answer;
     let scale = best.scale();
@@ -90,29 +97,23 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     if diagnosis.verdict == Verdict::Adequate || interrupt::requested() {
         return answer;
     }
-    if !is_open {
-        case.progress.begin("trying another reading", [0.6, 0.65]);
-        let excerpts = there.excerpts();
-        let searched = there.searched(excerpts.as_deref());
-        let root = &declared.root;
-        let root = if excerpts.is_some() { root.refitted(&searched) } else { root.clone() };
-        let others = search::first_round(&searched, root);
-        if !leaves_less(&others, simple, scale) {
-            return answer;
-        }
+    let there = there.part([0.6, 1.0], ", in another reading");
+    if !is_open && !leaves_less(declared.begun(&there), simple, scale) {
+        return answer;
     }
-    let other = diagnose_from(&there.part([0.65, 1.0], ", in another reading"), declared, settings);
+    let other = diagnose_from(&there, declared, settings);
     if other.is_better_than(&answer, scale) { other } else { answer }
 }
 
-/// Does one of some models leave less than all of some others, of all records or of the fitted ones?
-fn leaves_less(some: &[Hypothesis], others: &[Hypothesis], scale: f64) -> bool {
-    let costs = [Hypothesis::cost, Hypothesis::cost_of_fitted];
-    costs.iter().any(|cost| {
-        let least = |models: &[Hypothesis]| {
-            models.iter().map(|model| cost(model, scale)).fold(f64::INFINITY, f64::min)
-        };
-        least(some) < least(others)
+/// Does one of the first models in a reading leave less than all of some in another, of all records or of the fitted ones?
+fn leaves_less(some: &FirstRound, others: &[Hypothesis], scale: f64) -> bool {
+    let least = |costs: &mut dyn Iterator<Item = f64>| costs.fold(f64::INFINITY, f64::min);
+    [Hypothesis::cost, Hypothesis::cost_of_fitted].iter().any(|cost| {
+        let [here, there] = [
+            least(&mut some.models().map(|model| cost(model, scale))),
+            least(&mut others.iter().map(|model| cost(model, scale))),
+        ];
+        here < there
     })
 }
 
@@ -128,6 +129,8 @@ fn readings_apart(rig: &Rig, one: &Case<'_>, other: &Case<'_>) -> f64 {
 pub(super) struct Declared {
     fit: Fit,
     pub(super) root: Hypothesis,
+    /// The first round of the search beside them, once it was asked for.
+    begun: OnceCell<FirstRound>,
 }
 
 impl Declared {
@@ -142,24 +145,32 @@ impl Declared {
             case.progress.searched(standing);
         });
         let root = Hypothesis::root(case, &fit, ranges);
-        Self { fit, root }
+        Self { fit, root, begun: OnceCell::new() }
+    }
+
+    /// The first round of the search beside them. Long records are searched in excerpts.
+    fn begun(&self, case: &Case<'_>) -> &FirstRound {
+        self.begun.get_or_init(|| {
+            let excerpts = case.excerpts();
+            let searched = case.searched(excerpts.as_deref());
+            let root = if excerpts.is_some() { self.root.refitted(&searched) } else { self.root.clone() };
+            FirstRound::of(&searched, root)
+        })
     }
 }
 
 /// Diagnoses a case whose declared faults are fitted. A model beside which the times of its jumps were fitted is one of
 /// those that are weighed.
-fn diagnose_from(
-    case: &Case<'_>,
-    Declared { fit: mut before, root }: Declared,
-    settings: &FitSettings,
-) -> Answer {
-    // Long records are searched in excerpts; what is found is then fitted to the whole.
+fn diagnose_from(case: &Case<'_>, declared: Declared, settings: &FitSettings) -> Answer {
+    let begun = declared.begun(case).clone();
+    let mut before = declared.fit;
+    // What is found in excerpts is then fitted to the whole.
     let excerpts = case.excerpts();
     let in_excerpts = excerpts.is_some();
     let searched = case.searched(excerpts.as_deref());
-    let in_them = |model: Hypothesis| if in_excerpts { model.refitted(&searched) } else { model };
     let known = case.timed.map(|timed| timed.model.clone()).filter(|known| !known.added.is_empty());
-    let sound = search::search(&searched, in_them(root), known.map(in_them), settings);
+    let known = known.map(|model| if in_excerpts { model.refitted(&searched) } else { model });
+    let sound = search::search(&searched, begun, known, settings);
     let Hypothesis { ranges, train: Polished { values, .. }, .. } = &sound.root;
     let there = fit::misfit(case.rig, ranges, values, case.train());
     if there.chi_square < before.misfit.chi_square - BETTER_VALLEY {

@@ -18,17 +18,55 @@ const BEAM: usize = 3;
 /// left is coloured; of one that swings some hundred times, the best of the catalogue takes a tenth by chance.
 const GROWING_SHARE: f64 = 0.1;
 
-/// Grows the model with the declared faults alone by effects, and drops what does not earn its place. What is found is
-/// weighed against a model that is known already, if there is one.
+/// The model with the declared faults alone, and those with one effect that its records ask for: what a reading of them is
+/// judged by before more is known.
+#[derive(Clone)]
+pub(super) struct FirstRound {
+    root: Hypothesis,
+    grown: Vec<Hypothesis>,
+    /// Does the best of them leave noise?
+    pub(super) leaves_noise: bool,
+}
+
+impl FirstRound {
+    /// Grows the model with the declared faults alone by an effect.
+    pub(super) fn of(case: &Case<'_>, mut root: Hypothesis) -> Self {
+        case.progress.begin(&round(0), [0.05, 0.1]);
+        let grown = root.grow(case, &[]);
+        let mut first = Self { root, grown, leaves_noise: false };
+        first.leaves_noise = first.best().leaves_noise(case);
+        first
+    }
+
+    /// All of them.
+    pub(super) fn models(&self) -> impl Iterator<Item = &Hypothesis> {
+        iter::once(&self.root).chain(&self.grown)
+    }
+
+    /// The one of least cost.
+    pub(super) fn best(&self) -> &Hypothesis {
+        let scale = self.models().map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
+        let cheaper = |a: &&Hypothesis, b: &&Hypothesis| a.cost(scale).total_cmp(&b.cost(scale));
+        self.models().min_by(cheaper).unwrap_or(&self.root)
+    }
+}
+
+/// What is told of a round that adds an effect to so many.
+fn round(added: usize) -> String {
+    format!("trying effects, round {}", added + 1)
+}
+
+/// Grows the model with the declared faults alone by more effects than the first, and drops what does not earn its place.
+/// What is found is weighed against a model that is known already, if there is one.
 pub(super) fn search(
     case: &Case<'_>,
-    root: Hypothesis,
+    FirstRound { root, grown, .. }: FirstRound,
     known: Option<Hypothesis>,
     settings: &FitSettings,
 ) -> Sound {
-    let tried = iter::once(root.clone()).chain(known).collect();
-    let mut growth = Growth { case, tried };
-    growth.run(vec![root], [0.05, 0.6]);
+    let mut growth = Growth { case, tried: known.into_iter().collect() };
+    let beam = growth.chosen(&[root], grown);
+    growth.run(beam, [0.05, 0.6]);
     growth.look_again();
     growth.run_from_afar(settings);
     let mut tried = growth.tried;
@@ -54,14 +92,6 @@ pub(super) fn search(
     Sound { simple, ..sound }
 }
 
-/// The model with the declared faults alone, and those with one effect that its records ask for: what a reading of them is
-/// judged by before more is known.
-pub(super) fn first_round(case: &Case<'_>, mut root: Hypothesis) -> Vec<Hypothesis> {
-    let mut simple = root.grow(case, &[]);
-    simple.push(root);
-    simple
-}
-
 /// A beam search over effects.
 struct Growth<'a> {
     case: &'a Case<'a>,
@@ -77,7 +107,7 @@ impl Growth<'_> {
             if stage >= MOST_EFFECTS {
                 break;
             }
-            let label = format!("trying effects, round {}", stage + 1);
+            let label = round(stage);
             let mut grown: Vec<Hypothesis> = Vec::new();
             for (index, hypothesis) in beam.iter_mut().enumerate() {
                 let share = |index: usize| {
