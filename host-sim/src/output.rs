@@ -68,12 +68,12 @@ pub fn table<Header: AsRef<[Name]>, Name: ToString>(header: Header) -> Table {
 pub fn bar(common: &Common, length: u64, what: &str) -> ProgressBar {
     let target = if common.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
     let bar = ProgressBar::with_draw_target(Some(length), target);
-    let style = ProgressStyle::with_template("{prefix} {wide_bar} {pos}/{len} {msg} {left}");
+    let style = ProgressStyle::with_template("{prefix} {bar:16} {pos}/{len}{left} {wide_msg}");
     let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
     // Before the first step nobody knows.
     bar.set_style(style.with_key("left", |state: &ProgressState, text: &mut dyn std::fmt::Write| {
         if state.pos() > 0 {
-            let _ = write!(text, "{} left", HumanDuration(state.eta()));
+            let _ = write!(text, ", {} left:", HumanDuration(state.eta()));
         }
     }));
     bar.set_prefix(what.to_owned());
@@ -85,7 +85,7 @@ pub fn show_standing(bar: &ProgressBar, standing: Standing) {
     bar.set_length(u64::from(standing.budget));
     bar.set_position(u64::from(standing.evaluations.min(standing.budget)));
     bar.set_message(format!(
-        "generation {}, best {:.3} times the noise,",
+        "generation {}, best {:.3} times the noise",
         standing.generations, standing.best_sigma
     ));
 }
@@ -96,7 +96,7 @@ pub fn show_stage(bar: &ProgressBar, stage: &Stage) {
     let [done, of] = stage.fits;
     let counted = if of > 0 { format!(", {done} of {of}") } else { String::new() };
     let best = stage.best_sigma;
-    let best = if best.is_finite() { format!(", best {best:.3} times the noise,") } else { String::new() };
+    let best = if best.is_finite() { format!("; best {best:.3} times the noise") } else { String::new() };
     bar.set_message(format!("{}{counted}{best}", stage.doing));
 }
 
@@ -294,7 +294,7 @@ pub fn end_words(fit: &Fit) -> &'static str {
 /// Strong correlations of the estimates, in words.
 pub fn correlation_warnings(fit: &Fit) -> Vec<String> {
     let mut warnings = Vec::new();
-    let correlation = fit.correlation();
+    let correlation = fit.correlation().matrix;
     for (row, first) in fit.estimates.iter().enumerate() {
         for (column, second) in fit.estimates.iter().enumerate().take(row) {
             let correlation = correlation[row][column];

@@ -5,7 +5,7 @@ use super::diagnosis::{Diagnosis, Fault, Found, Verdict, score};
 use super::hypothesis::Hypothesis;
 use super::residual;
 use super::weighing::Earned;
-use crate::fit::{self, Estimate, Fit, Prepared};
+use crate::fit::{self, Correlation, Estimate, Fit, Prepared};
 use crate::interrupt;
 use crate::rig::Rig;
 use eha_monitor::effect::EffectInfo;
@@ -96,6 +96,10 @@ pub(super) fn conclude(
         interrupted: interrupt::requested(),
         faults,
         free: estimates[case.rig.faults.len()..before.estimates.len()].to_vec(),
+        correlation: Correlation::new(
+            best.ranges.iter().map(|range| range.parameter),
+            &best.train.covariance,
+        ),
         found,
         noise: fit::pooled(case.train().iter().map(Prepared::noise_rms)),
         colour: case.train()[0].colour,

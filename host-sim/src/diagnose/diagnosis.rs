@@ -1,7 +1,7 @@
 //! The answer of a diagnosis.
 
 use super::residual::{self, Description, MEASURED};
-use crate::fit::{self, Estimate, Fit, Prepared};
+use crate::fit::{self, Correlation, Estimate, Fit, Prepared};
 use crate::rig::Rig;
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::model::state::Outputs;
@@ -73,6 +73,8 @@ pub struct Diagnosis {
     pub faults: Vec<Fault>,
     /// The other parameters that the rig declares free, at the end.
     pub free: Vec<Estimate>,
+    /// How all that is free at the end hangs together: the faults, what else the rig declares free, effects.
+    pub correlation: Correlation,
     /// Effects that were added.
     pub found: Vec<Found>,
     /// Noise of each measured channel, rms over the fitted records.

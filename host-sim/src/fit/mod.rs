@@ -3,6 +3,7 @@
 mod bounds;
 mod closed_loop;
 mod colour;
+mod correlation;
 pub mod engine;
 mod limits;
 mod noise;
@@ -15,6 +16,7 @@ mod visits;
 pub use bounds::{Bounds, remarks};
 pub use closed_loop::{LoopScore, loop_score};
 pub use colour::{as_white, colour_of};
+pub use correlation::Correlation;
 pub use limits::{CLIPPED, at_ends, extent, share_at_ends};
 pub use noise::{
     COARSE, LaggedProducts, MODEL_ERROR, NoiseSource, SMALLEST_NOISE, TYPICAL_NOISE, correlation_time,
@@ -157,13 +159,9 @@ impl Fit {
         self.estimates.iter().find(|estimate| estimate.parameter == parameter)
     }
 
-    /// Correlation of the estimates, as far as they err by noise.
-    pub fn correlation(&self) -> Vec<Vec<f64>> {
-        let error = |index: usize| self.covariance[index][index].sqrt();
-        let row = |(index, row): (usize, &Vec<f64>)| {
-            row.iter().enumerate().map(|(other, both)| both / (error(index) * error(other))).collect()
-        };
-        self.covariance.iter().enumerate().map(row).collect()
+    /// How the estimates hang together.
+    pub fn correlation(&self) -> Correlation {
+        Correlation::new(self.estimates.iter().map(|estimate| estimate.parameter), &self.covariance)
     }
 
     /// Widens the intervals to hold those of another fit, which may be right as well; does one grow by more than its

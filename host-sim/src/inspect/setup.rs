@@ -6,9 +6,10 @@
 use super::likeness::{correlation, likeness, response, slope};
 use super::slack::left_behind;
 use crate::fit;
+use crate::output::quantity;
 use crate::record::Record;
 use crate::record::units::units_of;
-use crate::rig::Rig;
+use crate::rig::{Range, Rig};
 use eha_monitor::channel::{Channel, ChannelRole};
 use eha_monitor::model::Drive;
 use eha_monitor::parameter::Parameter;
@@ -43,7 +44,9 @@ const fn most(channel: Channel) -> f64 {
 
 /// What the user should look at before anything is fitted.
 pub(crate) fn remarks(rig: &Rig, record: &Record) -> Vec<String> {
-    [clipped, beyond_stop, ahead, ram_behind_user, against_model].map(|look| look(rig, record)).concat()
+    [clipped, beyond_stop, ahead, ram_behind_user, beyond_faults, against_model]
+        .map(|look| look(rig, record))
+        .concat()
 }
 
 /// Sensors that end within the motion.
@@ -118,6 +121,70 @@ fn ahead(rig: &Rig, record: &Record) -> Vec<String> {
             )
         })
         .collect()
+}
+
+/// A position that is later than the model with any of its faults, or beside where any of them leaves it. What else is
+/// free in a rig may be the reason.
+fn beyond_faults(rig: &Rig, record: &Record) -> Vec<String> {
+    if rig.form.drive != Drive::Valve || !rig.free.is_empty() {
+        return Vec::new();
+    }
+    let [position, command] =
+        [Channel::UserPosition, Channel::Command].map(|of| record.channel(of).unwrap_or_default());
+    let period = record.sample_period_s();
+    let prepared = [fit::prepare_with(rig, record, fit::noise_of(rig, record))];
+    let answers: Vec<Vec<f64>> = extremes(rig)
+        .iter()
+        .map(|rig| fit::glimpse(rig, &prepared).concat().iter().map(|output| output.user).collect())
+        .collect();
+    let mut found = Vec::new();
+    let delay = |position: &[f64]| response(&likeness(position, command, period), period);
+    let latest = answers.iter().filter_map(|answer| delay(answer)).map(|of| of.delay_s).fold(0.0, f64::max);
+    if let Some(late) =
+        delay(position).filter(|of| of.correlation > ALIKE && of.delay_s > latest + AHEAD * period)
+    {
+        found.push(format!(
+            "lvdt_m follows {:.1} ms behind command_m, the rig {:.1} ms at most, whatever its faults: is something delayed, \
+             or is it another rig?",
+            late.delay_s * 1e3,
+            latest * 1e3
+        ));
+    }
+    // A play may hang on either side.
+    let play = range_of(rig, Parameter::Backlash).map_or(0.0, |range| range.upper);
+    let beside: Vec<f64> = answers.iter().map(|answer| mean_difference(position, answer)).collect();
+    let [least, most] = fit::extent(&beside);
+    let nearest = if least > 0.0 { least } else { most.min(0.0) };
+    if nearest.abs() > play {
+        found.push(format!(
+            "lvdt_m is in the mean {} or more beside what the rig answers, whatever its faults: is its zero another one?",
+            quantity(nearest, "m")
+        ));
+    }
+    found
+}
+
+/// A rig with each of its faults at its smallest and at its largest.
+fn extremes(rig: &Rig) -> Vec<Rig> {
+    rig.faults.iter().fold(vec![rig.clone()], |rigs, range| {
+        let at = |rig: &Rig, value: f64| {
+            let mut rig = rig.clone();
+            rig.parameters.set(range.parameter, value);
+            rig
+        };
+        rigs.iter().flat_map(|rig| [at(rig, range.lower), at(rig, range.upper)]).collect()
+    })
+}
+
+fn range_of(rig: &Rig, parameter: Parameter) -> Option<&Range> {
+    rig.faults.iter().find(|range| range.parameter == parameter)
+}
+
+/// Mean of one series minus another one, over the samples that both have.
+fn mean_difference(one: &[f64], other: &[f64]) -> f64 {
+    let differences =
+        || iter::zip(one, other).map(|(one, other)| one - other).filter(|left| left.is_finite());
+    differences().sum::<f64>() / differences().count().max(1) as f64
 }
 
 /// A ram that has the play which the user's position has to have.

@@ -93,7 +93,9 @@ pub(crate) fn diagnosis(case: &Diagnosed<'_>) -> String {
 fn before_search(diagnosis: &Diagnosis, rig: &Rig, ranges: &[Range], train: &[Prepared]) -> Markup {
     html! {
         (search(&diagnosis.before, rig, ranges, train, FitSettings::default().population))
-        @if diagnosis.before.estimates.len() > 1 { (correlation_matrix(&diagnosis.before)) }
+        @if diagnosis.before.estimates.len() > 1 {
+            (correlation_matrix("Correlation of the estimates, before", &diagnosis.before.correlation()))
+        }
     }
 }
 
@@ -313,6 +315,9 @@ fn estimates(diagnosis: &Diagnosis) -> Markup {
     html! {
         (estimates::estimates(&[(Role::Before, "before", before), (Role::After, "after", after)]))
         (table(title, "", &[first, "before", "after", "95 % interval", "mixed up with"], &rows, true))
+        @if diagnosis.correlation.parameters.len() > 1 {
+            (correlation_matrix("Correlation of the estimates, after", &diagnosis.correlation))
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use super::page::{Tile, table};
 use super::plot::Role;
 use super::rows::{Row, Rows, Shape};
 use super::scale::{Axis, shown};
-use crate::fit::{Estimate, Fit, NoiseSource};
+use crate::fit::{Correlation, Estimate, Fit, NoiseSource};
 use eha_monitor::channel::Channel;
 use maud::{Markup, html};
 
@@ -98,21 +98,21 @@ pub(super) fn signed(correlation: f64) -> String {
 /// Estimates up to which their matrix has room beside another card.
 const FEW: usize = 4;
 
-/// How the estimates of a fit hang together, as a coloured matrix.
-pub(super) fn correlation_matrix(fit: &Fit) -> Markup {
-    let names: Vec<&str> = fit.estimates.iter().map(|estimate| estimate.parameter.info().name).collect();
+/// How estimates of some parameters hang together, as a coloured matrix.
+pub(super) fn correlation_matrix(title: &str, correlation: &Correlation) -> Markup {
+    let names: Vec<&str> = correlation.parameters.iter().map(|parameter| parameter.info().name).collect();
     html! {
         figure.card .wide[names.len() > FEW] {
-            figcaption { span.title { "Correlation of the estimates" } }
+            figcaption { span.title { (title) } }
             div.scroll { table.matrix {
                 thead { tr { th {} @for name in &names { th { (breakable(name)) } } } }
-                tbody { @for (name, row) in names.iter().zip(fit.correlation()) { tr {
+                tbody { @for (name, row) in names.iter().zip(&correlation.matrix) { tr {
                     th { (breakable(name)) }
                     @for value in row {
                         @let strength = if value.is_finite() { (value.abs() * 60.0).round() } else { 0.0 };
-                        @let colour = if value < 0.0 { "before" } else { "model" };
+                        @let colour = if *value < 0.0 { "before" } else { "model" };
                         td { span style=(format!("background: color-mix(in srgb, var(--{colour}) {strength}%, transparent)")) {
-                            (if value.is_finite() { signed(value) } else { "-".to_owned() })
+                            (if value.is_finite() { signed(*value) } else { "-".to_owned() })
                         } }
                     }
                 } } }

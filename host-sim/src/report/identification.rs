@@ -75,7 +75,7 @@ pub(crate) fn identification(result: &Identified<'_>) -> String {
     let found = html! {
         (estimate_table(&fit.estimates))
         (estimates(&[(Role::Model, "estimate", fit.estimates.iter().collect())]))
-        @if fit.estimates.len() > 1 { (correlation_matrix(fit)) }
+        @if fit.estimates.len() > 1 { (correlation_matrix("Correlation of the estimates", &fit.correlation())) }
         (noise_table(fit, result.noise_source))
         @if !result.warnings.is_empty() { (remarks("Notes", result.warnings)) }
     };

@@ -69,7 +69,7 @@ pub(crate) fn reproduction(
     let tile = |name: &str, which: usize| {
         let value = worst(which);
         let text = if value.is_finite() { format!("{} %", percent(value)) } else { "-".to_owned() };
-        Tile::new(name, text, "worst of the cases")
+        Tile::new(name, text, "mean of both faults, worst of the cases")
     };
     let effects: Vec<&str> =
         result["added_effects"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
@@ -105,7 +105,7 @@ pub(crate) fn reproduction(
         ));
     }
     let seconds = result["seconds"].as_f64().unwrap_or(f64::NAN);
-    let mut tiles = vec![tile("mean error of the source", 0)];
+    let mut tiles = vec![tile("error of the source", 0)];
     if cases.iter().any(|case| case.after.is_some()) {
         tiles.extend([tile("ours before", 1), tile("ours after", 2)]);
     } else {
@@ -215,6 +215,7 @@ fn closely(one: &Reproduced<'_>, rig: &Rig) -> Markup {
     html! {
         (records(&compared))
         (residual::tests(&compared, &fit.noise))
+        @if one.after.is_some() { p.note.wide { "The search and the cost over the faults are those after." } }
         (search(fit, rig, &one.case.ranges(), one.prepared, one.case.population))
     }
 }

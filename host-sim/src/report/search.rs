@@ -35,7 +35,7 @@ pub(super) fn search(
         @if let Some((estimates, whole, near)) = &surfaces {
             (whole_surface(whole, *estimates, &visits))
             @if let Some(near) = near {
-                (near_surface(near, *estimates, fit.correlation()[0][1], fit.inflation))
+                (near_surface(near, *estimates, fit.correlation().matrix[0][1], fit.inflation))
             }
         } @else if pair.is_some() {
             p.note { "The cost over the faults is not drawn: these records are too long for it, or the search was interrupted." }

@@ -199,6 +199,10 @@ impl Job<'_> {
             "faults": faults,
             "free_before": estimates(free_before),
             "free": estimates(&diagnosis.free),
+            "correlation": {
+                "parameters": diagnosis.correlation.parameters.iter().map(|of| of.info().name).collect::<Vec<_>>(),
+                "matrix": diagnosis.correlation.json(),
+            },
             "effects": found(true),
             "empirical_terms": found(false),
             "error": {

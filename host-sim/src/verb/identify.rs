@@ -118,7 +118,7 @@ pub(super) fn json(common: &Common, fitted: &Fitted, list: &str) -> Value {
         "seconds_per_generation": fit.seconds_per_generation,
         "stop": output::end_words(fit),
         "mean_square": output::number(fit.misfit.mean_square()),
-        "correlation": fit.correlation().iter().map(|row| row.iter().map(|&c| output::number(c)).collect::<Vec<_>>()).collect::<Vec<_>>(),
+        "correlation": fit.correlation().json(),
         "warnings": notes(fitted),
         "seed": common.seed,
         "closed_loop": loop_score(fitted).map(|score| json!({

@@ -63,6 +63,8 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         None if options.lf_data => None,
         None => Some(closed_loop(common)?),
     };
+    // A loop that was not closed says nothing of what the model lacks.
+    let augmented = augmented.filter(|_| common.rig.is_some() || !interrupt::requested());
     let bar = output::bar(common, CASES.len() as u64, "reproducing");
     let results: Vec<Outcome> = CASES
         .par_iter()
@@ -95,11 +97,19 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
                     "median_error_percent": finding.median, "worst_error_percent": finding.worst })
         })
         .collect();
-    let warnings: Vec<String> = results.iter().flat_map(Outcome::warnings).collect();
+    let mut warnings: Vec<String> = results.iter().flat_map(Outcome::warnings).collect();
+    if interrupt::requested() {
+        warnings.push(format!(
+            "interrupted: {} of {} cases were fitted{}",
+            results.len(),
+            CASES.len(),
+            if findings.is_empty() && !options.cases_only { ", and no finding was checked" } else { "" }
+        ));
+    }
     let rig = augmented.as_ref().unwrap_or(&monitor);
     let result = json!({
         "schema": SCHEMA, "cases": cases, "added_effects": effects, "findings": findings_json, "warnings": warnings,
-        "seconds": seconds, "seed": common.seed,
+        "interrupted": interrupt::requested(), "seconds": seconds, "seed": common.seed,
         "config": { "version": env!("CARGO_PKG_VERSION"), "seed": common.seed, "rig": common.rig.as_ref().unwrap_or(&rig.name),
                     "data": if options.lf_data { "lf" } else { "hf" },
                     "samples": SAMPLES, "plant_step_s": PLANT_STEP, "channels": ["lvdt_m", "current_mA"],

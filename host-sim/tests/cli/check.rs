@@ -120,7 +120,15 @@ fn it_says_what_is_wrong_with_a_set_up() {
     let times = |cell: &str, factor: f64| {
         cell.parse::<f64>().map_or_else(|_| cell.to_owned(), |value| (value * factor).to_string())
     };
-    let names = ["amperes.csv", "millimetres.csv", "turned.csv", "far.csv", "swapped.csv"];
+    let names = [
+        "amperes.csv",
+        "millimetres.csv",
+        "turned.csv",
+        "far.csv",
+        "swapped.csv",
+        "late.csv",
+        "another_zero.csv",
+    ];
     bench.write(names[0], &with_cells(&sound, "current_mA", |_, cell| times(cell, 1e-3)));
     bench.write(names[1], &with_cells(&sound, "lvdt_m", |_, cell| times(cell, 25.4)));
     bench.write(names[2], &with_cells(&sound, "lvdt_m", |_, cell| times(cell, -1.0)));
@@ -130,12 +138,24 @@ fn it_says_what_is_wrong_with_a_set_up() {
         names[4],
         &sound.replace("command_m", "spare").replace("lvdt_m", "command_m").replace("spare", "lvdt_m"),
     );
+    // 50 ms later, and 5 mm beside.
+    let positions: Vec<&str> = sound
+        .lines()
+        .filter_map(|line| line.split(',').nth(2))
+        .skip_while(|cell| *cell != "lvdt_m")
+        .collect();
+    let later = |row: usize, _: &str| positions[1 + row.abs_diff(50)].to_owned();
+    bench.write(names[5], &with_cells(&sound, "lvdt_m", later));
+    let beside = |_: usize, cell: &str| (cell.parse::<f64>().expect("a number") + 5e-3).to_string();
+    bench.write(names[6], &with_cells(&sound, "lvdt_m", beside));
     let said = [
         "`--columns 'current_mA=current_mA[A]'`",
         "`--columns 'lvdt_m=lvdt_m*3.937007874015748e-2'`",
         "`--columns 'lvdt_m=lvdt_m[m]*-1'`",
         "the jack's stop is at 0.2 m",
         "ahead of command_m: are their columns swapped? `--columns 'lvdt_m=command_m[m],command_m=lvdt_m[m]'`",
+        "whatever its faults: is something delayed",
+        "beside what the rig answers, whatever its faults",
     ];
     let check =
         |name: &str| bench.run(&["check", name, "--json"]).done().json()["records"][0]["notes"].to_string();

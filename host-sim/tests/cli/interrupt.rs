@@ -72,3 +72,15 @@ fn a_diagnosis_rules_nothing_out_that_it_has_not_tried() {
     let so_far = bench.read("demo/report.html").contains("so far (interrupted)");
     assert_eq!(so_far, result["verdict"] == "unexplained", "{result}");
 }
+
+#[test]
+fn the_cases_of_a_loop_that_was_not_closed_claim_nothing_of_it() {
+    let bench = Bench::new();
+    let child = start(&bench, &["reproduce", "--json", "--out", "cases"]);
+    std::thread::sleep(Duration::from_millis(300));
+    interrupt(&child);
+    let result = result(child);
+    assert_eq!(result["interrupted"], true, "{result}");
+    assert!(result["warnings"].to_string().contains("interrupted: 0 of 12 cases"), "{result}");
+    assert!(bench.read("cases/report.html").contains("interrupted: 0 of 12 cases"));
+}

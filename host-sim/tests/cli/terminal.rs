@@ -9,7 +9,11 @@ use std::thread;
 
 /// What a run shows on a terminal of 120 columns that its log goes to.
 fn shown(bench: &Bench, arguments: &[&str]) -> String {
-    let size = Winsize { ws_row: 40, ws_col: 120, ws_xpixel: 0, ws_ypixel: 0 };
+    shown_in(120, bench, arguments)
+}
+
+fn shown_in(columns: u16, bench: &Bench, arguments: &[&str]) -> String {
+    let size = Winsize { ws_row: 40, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 };
     let terminal = openpty(&size, None).expect("a pseudo-terminal");
     let mut child = bench
         .command(arguments)
@@ -68,9 +72,23 @@ fn a_diagnosis_shows_its_rounds_its_fits_and_the_best() {
     ] {
         assert!(shown.contains(part), "{part}: {shown}");
     }
-    assert!(shown.contains(" times the noise, "), "{shown}");
+    assert!(shown.contains("; best ") && shown.contains(" times the noise"), "{shown}");
     // Nobody knows the time that is left before a part of it is gone.
     assert!(!shown.contains(" 0 seconds left") && !shown.contains("/100  fitting"), "{shown}");
+}
+
+#[test]
+fn a_bar_is_one_line_of_a_narrow_terminal() {
+    let bench = Bench::new();
+    slow_record(&bench);
+    let shown = shown_in(80, &bench, &SEARCH);
+    let frames = shown.split(['\r', '\n']).flat_map(|line| line.split("\u{1b}[2K"));
+    let drawn: Vec<&str> = frames.filter(|frame| frame.contains("identifying")).collect();
+    assert!(!drawn.is_empty(), "{shown:?}");
+    for frame in drawn {
+        assert!(frame.contains('░') || frame.contains('█'), "no bar: {frame:?}");
+        assert!(frame.chars().count() <= 80, "{} columns: {frame:?}", frame.chars().count());
+    }
 }
 
 #[test]
