@@ -240,7 +240,7 @@ pub fn quantity(value: f64, unit: &str) -> String {
 
 /// A number in full, with an exponent where it is very large or very small.
 pub fn plain(value: f64) -> String {
-    if value != 0.0 && !(1e-5..=1e7).contains(&value.abs()) {
+    if value != 0.0 && !(1e-6..=1e7).contains(&value.abs()) {
         format!("{value:e}")
     } else {
         value.to_string()
@@ -407,7 +407,7 @@ mod tests {
             (-1e7, "-10000000"),
             (2.5e7, "2.5e7"),
             (1e300, "1e300"),
-            (1e-5, "0.00001"),
+            (1e-6, "0.000001"),
             (1e-13, "1e-13"),
             (f64::INFINITY, "inf"),
         ] {

@@ -234,6 +234,27 @@ mod tests {
     }
 
     #[test]
+    fn a_duration_has_the_unit_that_its_writer_notes() {
+        let schema = parse_message_type("message m { REQUIRED INT64 time; }").expect("a schema");
+        let seconds = |kind: &str| {
+            let note = format!(r#"{{"columns": [{{"field_name": "time", "numpy_type": "{kind}"}}]}}"#);
+            let metadata = vec![KeyValue::new("pandas".to_owned(), note)];
+            let clock = Clock::of(&schema.get_fields()[0], Some(&metadata));
+            clock.map(|mut clock| clock.seconds(2_000_000).round())
+        };
+        assert_eq!(seconds("timedelta64[us]"), Some(2.0));
+        assert_eq!(seconds("timedelta64[ms]"), Some(2000.0));
+        assert_eq!(seconds("int64"), None);
+    }
+
+    #[test]
+    fn decimals_are_numbers() {
+        use parquet::data_type::Decimal;
+        let value = |digits: i64| number(&Cell::Decimal(Decimal::from_i64(digits, 18, 6))).expect("a number");
+        assert_eq!([value(-1500), value(0), value(2_000_000)], [-0.0015, 0.0, 2.0]);
+    }
+
+    #[test]
     fn clocks_of_other_programs_are_times() {
         let folder = tempfile::tempdir().expect("a directory");
         let path = folder.path().join("run.parquet");

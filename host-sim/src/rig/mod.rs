@@ -229,16 +229,15 @@ fn with_nearest<'a>(message: String, name: &str, known: impl Iterator<Item = &'a
 /// two make of it, at most one in three letters.
 fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let lower = name.to_lowercase();
+    let is_start = |known: &str| lower.chars().count() >= 3 && known.to_lowercase().starts_with(&lower);
+    let distance = |known: &str| strsim::osa_distance(&lower, &known.to_lowercase());
     let is_near = |known: &&str| {
-        let known = known.to_lowercase();
-        let typed = lower.chars().count();
-        let is_start = typed >= 3 && known.starts_with(&lower);
-        is_start || 3 * strsim::osa_distance(&lower, &known) <= typed.max(known.chars().count())
+        let letters = lower.chars().count().max(known.chars().count());
+        is_start(known) || 3 * distance(known) <= letters
     };
-    known.filter(is_near).min_by_key(|known| {
+    known.filter(|known| !known.is_empty()).filter(is_near).min_by_key(|known| {
         let common = lower.chars().zip(known.to_lowercase().chars()).take_while(|(a, b)| a == b).count();
         // Of names that are equally near, the first letters decide, then the case.
-        let distance = strsim::osa_distance(&lower, &known.to_lowercase());
-        (distance, Reverse(common), strsim::osa_distance(name, known))
+        (!is_start(known), distance(known), Reverse(common), strsim::osa_distance(name, known))
     })
 }
