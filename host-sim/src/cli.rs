@@ -64,7 +64,8 @@ pub(crate) enum Verb {
     Check(verb::check::Options),
     /// Faults from records.
     Identify(verb::identify::Options),
-    /// Free parameters of a rig from records; writes a rig file with `--out`.
+    /// Free parameters of a rig (`servo-hydraulic` unless `--rig` names another) from records; writes a rig file with
+    /// `--out`.
     Calibrate(verb::calibrate::Options),
     /// What does the model lack? Names a missing effect, with the error before and after, or says that it cannot tell.
     Diagnose(verb::diagnose::Options),
@@ -86,6 +87,29 @@ pub(crate) enum Verb {
     Completions(verb::shell::CompletionsOptions),
     /// The manual page of the program or a verb; with `--out DIR`, all of them as files.
     Man(verb::shell::ManOptions),
+}
+
+impl Verb {
+    /// Does the verb write files into the directory of `--out`?
+    pub(crate) const fn writes_files(&self) -> bool {
+        match self {
+            Self::Demo(_)
+            | Self::Simulate(_)
+            | Self::Check(_)
+            | Self::Identify(_)
+            | Self::Calibrate(_)
+            | Self::Diagnose(_)
+            | Self::Reproduce(_)
+            | Self::Import(_)
+            | Self::Man(_) => true,
+            Self::Effects
+            | Self::Commands
+            | Self::Rigs(_)
+            | Self::Hil(_)
+            | Self::Budget(_)
+            | Self::Completions(_) => false,
+        }
+    }
 }
 
 /// The command line of this run, as a shell takes it.

@@ -23,6 +23,7 @@ pub mod record;
 mod report;
 pub mod rig;
 mod shell_word;
+mod table_file;
 pub mod thesis;
 pub mod trace;
 pub mod verb;
@@ -45,6 +46,12 @@ pub fn run(cli: &Cli) -> Result<(), Failure> {
         .stack_size(WORKER_STACK)
         .build_global()
         .map_err(Failure::other)?;
+    if let (Some(out), false) = (&common.out, cli.verb.writes_files()) {
+        return Err(Failure::usage(format!(
+            "--out {}: this verb writes no files; its result goes to stdout",
+            out.display()
+        )));
+    }
     match &cli.verb {
         Verb::Demo(options) => verb::demo::run(common, options),
         Verb::Simulate(options) => verb::simulate::run(common, options),

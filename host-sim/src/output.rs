@@ -7,6 +7,7 @@ use crate::fit::{Estimate, Fit, NoiseSource, Standing};
 use crate::record::{Record, write_csv};
 use crate::report::REPORT_FILE;
 use crate::rig::{self, CommandPath, Range, Rig};
+use crate::table_file::{self, TableKind};
 use crate::whole_file;
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use eha_monitor::channel::Channel;
@@ -169,13 +170,24 @@ pub fn record(
     path: Option<&Path>,
     mut config: Value,
 ) -> Result<(), Failure> {
-    let mut text = Vec::new();
-    write_csv(record, comments, &mut text).map_err(Failure::other)?;
+    let csv = || {
+        let mut text = Vec::new();
+        write_csv(record, comments, &mut text).map_err(Failure::other).map(|()| text)
+    };
     if let Some(path) = path {
-        write_file(path, &text)?;
+        let bytes = if TableKind::of(path) == Some(TableKind::Parquet) {
+            let times: Vec<f64> = (0..record.len()).map(|sample| record.time_s(sample)).collect();
+            let channels = record.channels().map(|(channel, values)| (channel.info().column, values));
+            let columns: Vec<_> =
+                std::iter::once((Channel::Time.info().column, &times[..])).chain(channels).collect();
+            table_file::parquet(&columns, comments).map_err(Failure::other)?
+        } else {
+            csv()?
+        };
+        write_file(path, &bytes)?;
         log(common, &format!("wrote {} samples to {}", record.len(), path.display()));
     } else if !common.json {
-        return print(String::from_utf8_lossy(&text).trim_end());
+        return print(String::from_utf8_lossy(&csv()?).trim_end());
     }
     if !common.json {
         return Ok(());
@@ -223,6 +235,15 @@ pub fn quantity(value: f64, unit: &str) -> String {
         _ if value != 0.0 && !(1e-2..1e6).contains(&value.abs()) => format!("{value:.4e} {unit}"),
         _ if value != 0.0 && value.abs() < 0.1 => format!("{value:.4} {unit}"),
         _ => format!("{value:.3} {unit}"),
+    }
+}
+
+/// A number in full, with an exponent where it is very large or very small.
+pub fn plain(value: f64) -> String {
+    if value != 0.0 && !(1e-6..=1e7).contains(&value.abs()) {
+        format!("{value:e}")
+    } else {
+        value.to_string()
     }
 }
 
@@ -378,6 +399,21 @@ pub fn config_json(common: &Common, rig: &Rig, ranges: &[Range], records: &[Stri
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_number_is_a_row_of_zeros() {
+        for (value, text) in [
+            (0.0, "0"),
+            (-1e7, "-10000000"),
+            (2.5e7, "2.5e7"),
+            (1e300, "1e300"),
+            (1e-6, "0.000001"),
+            (1e-13, "1e-13"),
+            (f64::INFINITY, "inf"),
+        ] {
+            assert_eq!(plain(value), text);
+        }
+    }
 
     #[test]
     fn lengths_have_one_scale_for_each_size() {

@@ -4,14 +4,10 @@ use crate::failure::Failure;
 use crate::fit::Prepared;
 use crate::output;
 use crate::record::Record;
+use crate::table_file::{self, TableKind};
 use eha_monitor::channel::{CHANNELS, Channel, ChannelRole};
 use eha_monitor::model::state::Outputs;
-use parquet::data_type::DoubleType;
-use parquet::errors::ParquetError;
-use parquet::file::writer::SerializedFileWriter;
-use parquet::schema::parser::parse_message_type;
 use std::path::Path;
-use std::sync::Arc;
 
 /// Name of a trace in the output directory.
 pub const TRACE_FILE: &str = "trace.csv";
@@ -23,6 +19,14 @@ pub struct Trace {
 }
 
 impl Trace {
+    /// The prediction of a record's position, sample by sample.
+    pub fn of_prediction(record: &Record, predicted: &[Outputs<f64>]) -> Self {
+        let times = (0..predicted.len()).map(|sample| record.time_s(sample)).collect();
+        let positions = predicted.iter().map(|output| output.user).collect();
+        let column = |channel: Channel| channel.info().column.to_owned();
+        Self { columns: vec![(column(Channel::Time), times), (column(Channel::UserPosition), positions)] }
+    }
+
     /// The trace of records against models, each with a name and its predictions of every record: the number of the
     /// record, its time and inputs, and for each measured channel the value, and what each model predicts of it.
     pub fn new(records: &[Record], prepared: &[Prepared], models: &[(&str, &[Vec<Outputs<f64>>])]) -> Self {
@@ -70,8 +74,13 @@ impl Trace {
     /// # Errors
     /// The file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), Failure> {
-        let parquet = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("parquet"));
-        let bytes = if parquet { self.parquet().map_err(Failure::other)? } else { self.csv()? };
+        let bytes = if TableKind::of(path) == Some(TableKind::Parquet) {
+            let columns: Vec<_> =
+                self.columns.iter().map(|(name, values)| (name.as_str(), values.as_slice())).collect();
+            table_file::parquet(&columns, &[]).map_err(Failure::other)?
+        } else {
+            self.csv()?
+        };
         output::write_file(path, &bytes)
     }
 
@@ -87,23 +96,6 @@ impl Trace {
             writer.write_record(cells).map_err(Failure::other)?;
         }
         writer.into_inner().map_err(Failure::other)
-    }
-
-    fn parquet(&self) -> Result<Vec<u8>, ParquetError> {
-        let fields: Vec<String> =
-            self.columns.iter().map(|(name, _)| format!("OPTIONAL DOUBLE {name};")).collect();
-        let schema = Arc::new(parse_message_type(&format!("message trace {{ {} }}", fields.join(" ")))?);
-        let mut writer = SerializedFileWriter::new(Vec::new(), schema, Arc::default())?;
-        let mut group = writer.next_row_group()?;
-        for (_, values) in &self.columns {
-            let Some(mut column) = group.next_column()? else { break };
-            let present: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
-            let levels: Vec<i16> = values.iter().map(|value| i16::from(!value.is_nan())).collect();
-            column.typed::<DoubleType>().write_batch(&present, Some(&levels), None)?;
-            column.close()?;
-        }
-        group.close()?;
-        writer.into_inner()
     }
 }
 

@@ -212,7 +212,7 @@ fn wrong_options_are_refused() {
         (["--damage", "2"], "expected 0 to 1"),
         (["--grow", "bkl=1e-3"], "expected NAME=VALUE@SECONDS"),
         (["--command", "mixd"], "did you mean `mixed`"),
-        (["--set", "fdj=1e9"], "`fdj` = 1000000000: expected 0 to"),
+        (["--set", "fdj=1e9"], "`fdj` = 1e9: expected 0 to"),
         (["--grow", "bkl=-1@2"], "`bkl` = -1: expected 0 to"),
         (["--watch", "pressure_gain=1e11..2e11"], "give --watch twice"),
         (["--rig", "force-axis"], "no actuator that is driven by a force"),

@@ -10,7 +10,7 @@ use super::header::Header;
 use super::mapping::Found;
 use super::table::{Series, Table};
 use super::time_base::Digits;
-use super::{Loaded, ReadOptions};
+use super::{Loaded, PARQUET_SIGNATURE, ReadOptions};
 use cells::{Cells, is_blank, shown, with_point};
 use rows::{Rows, line_ends};
 
@@ -20,6 +20,15 @@ mod unit_row;
 
 /// First bytes of files that are no text.
 const MAT_SIGNATURES: [&[u8]; 2] = [b"MATLAB ", b"\x89HDF\r\n\x1a\n"];
+
+/// First bytes of other files that are no text in UTF-8, and what they are.
+const OTHER_SIGNATURES: [(&[u8], &str); 5] = [
+    (b"\xff\xfe", "text in UTF-16"),
+    (b"\xfe\xff", "text in UTF-16"),
+    (b"PK\x03\x04", "a ZIP file, as an Excel workbook is one"),
+    (b"\xd0\xcf\x11\xe0", "an old Excel workbook"),
+    (PARQUET_SIGNATURE, "a Parquet file"),
+];
 
 /// Byte order mark of UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
@@ -73,7 +82,7 @@ pub fn parse_csv(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Load
             None => error,
         }
     })?;
-    let unused = header.unused();
+    let unused = header.unused(options);
     let Header { names, mut columns } = header;
     let failed = |line: u64, column: usize, problem: Problem| {
         RecordError::new(file, problem).at_line(line).in_field(field(&names, column))
@@ -176,10 +185,19 @@ fn decode<'a>(file: &str, bytes: &'a [u8]) -> Result<&'a str, RecordError> {
     if is_mat(bytes) {
         return Err(RecordError::new(file, Problem::MatFile));
     }
+    if let Some((_, looks_like)) = OTHER_SIGNATURES.iter().find(|(signature, _)| bytes.starts_with(signature))
+    {
+        return Err(RecordError::new(file, Problem::NotUtf8(looks_like)));
+    }
     let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
     std::str::from_utf8(bytes).map_err(|error| {
         let line = 1 + line_ends(&bytes[..error.valid_up_to()]);
-        RecordError::new(file, Problem::NotUtf8).at_line(line)
+        let looks_like = if bytes.contains(&0) {
+            "bytes that are no text"
+        } else {
+            "a byte that is not UTF-8, such as text in Windows-1252 or Latin-1 has"
+        };
+        RecordError::new(file, Problem::NotUtf8(looks_like)).at_line(line)
     })
 }
 

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::plausible::Suspicion;
+use crate::output::plain;
 
 /// Why a record was refused: where, what was found, what was expected.
 ///
@@ -63,8 +64,8 @@ impl fmt::Display for Field {
 pub enum Problem {
     /// The file could not be read.
     Io(std::io::Error),
-    /// A text file with bytes that are not UTF-8.
-    NotUtf8,
+    /// A text file that is not UTF-8; what it looks like, in words.
+    NotUtf8(&'static str),
     /// A MAT file where a text file was expected.
     MatFile,
     /// No header, or no rows below it.
@@ -124,6 +125,15 @@ pub enum Problem {
     },
     /// Fewer samples than [`MIN_SAMPLES`](super::MIN_SAMPLES).
     TooFewSamples(usize),
+    /// Fewer samples in the segment that is asked for, of a record that has enough.
+    ShortSegment {
+        /// Samples in the segment.
+        found: usize,
+        /// Time of the first sample of the record.
+        first: f64,
+        /// Time of the last one.
+        last: f64,
+    },
     /// Time stands still or runs backwards.
     TimeNotIncreasing {
         /// Time of the sample before.
@@ -186,7 +196,9 @@ impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Io(error) => write!(f, "cannot be read: {error}"),
-            Self::NotUtf8 => f.write_str("found bytes that are not UTF-8, expected text in UTF-8"),
+            Self::NotUtf8(looks_like) => {
+                write!(f, "found {looks_like}, expected text in UTF-8: save it as CSV in UTF-8")
+            }
             Self::MatFile => f.write_str("found a MAT file, expected text"),
             Self::Empty => f.write_str("found no data, expected a header line and rows of numbers"),
             Self::NoHeader => f.write_str(
@@ -240,6 +252,13 @@ impl fmt::Display for Problem {
             Self::TooFewSamples(found) => {
                 write!(f, "found {found} samples, expected at least {}", super::MIN_SAMPLES)
             }
+            Self::ShortSegment { found, first, last } => write!(
+                f,
+                "found {found} samples in the segment, expected at least {}: the record goes from {} s to {} s",
+                super::MIN_SAMPLES,
+                in_full(*first),
+                in_full(*last)
+            ),
             Self::TimeNotIncreasing { previous, found } => {
                 write!(f, "found {} s after {} s, expected increasing time", in_full(*found), in_full(*previous))
             }
@@ -268,7 +287,7 @@ impl fmt::Display for Problem {
                 write!(f, "found a sampling period of {period} s, expected a positive finite one")
             }
             Self::ConstantPosition(value) => {
-                write!(f, "found the same value {value} in every sample, expected a position that moves")
+                write!(f, "found the same value {} in every sample, expected a position that moves", plain(*value))
             }
             Self::Implausible(suspicion) => suspicion.fmt(f),
             Self::UnequalLength { found, expected } => {

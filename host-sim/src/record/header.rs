@@ -1,5 +1,7 @@
 //! The named columns of a file: which of them are channels, and what is told of the others.
 
+use eha_monitor::channel::{Channel, ChannelInfo};
+
 use super::ReadOptions;
 use super::error::Problem;
 use super::mapping::{Found, suggestion};
@@ -23,15 +25,20 @@ impl Header {
         options: &ReadOptions,
     ) -> Result<Self, (Problem, Option<(usize, String)>)> {
         let mut twice = None;
-        let columns = options.columns.resolve(options.sample_rate_hz.is_some(), &names, |name| {
-            let exact = names.iter().any(|other| other == name);
-            let is_it =
-                |other: &String| if exact { other == name } else { closed_up(other) == closed_up(name) };
-            let mut places = (0..names.len()).filter(|&index| is_it(&names[index]));
-            let first = places.next()?;
-            twice = twice.or(places.next().map(|second| (first, second)));
-            Some(first)
-        });
+        let columns = options.columns.resolve(
+            options.sample_rate_hz.is_some(),
+            &names,
+            || names.clone(),
+            |name| {
+                let exact = names.iter().any(|other| other == name);
+                let is_it =
+                    |other: &String| if exact { other == name } else { closed_up(other) == closed_up(name) };
+                let mut places = (0..names.len()).filter(|&index| is_it(&names[index]));
+                let first = places.next()?;
+                twice = twice.or(places.next().map(|second| (first, second)));
+                Some(first)
+            },
+        );
         if let Some((first, second)) = twice {
             return Err((Problem::Duplicate { first: first + 1 }, Some((second, names[second].clone()))));
         }
@@ -40,12 +47,15 @@ impl Header {
     }
 
     /// A warning about the columns that no channel takes.
-    pub(super) fn unused(&self) -> Option<String> {
+    pub(super) fn unused(&self, options: &ReadOptions) -> Option<String> {
+        // With a rate, no other time is asked for.
+        let is_asked_for =
+            |info: &ChannelInfo| info.channel != Channel::Time || options.sample_rate_hz.is_none();
         let is_unused = |index: usize| self.columns.iter().all(|column| column.source != index);
         let named = self.names.iter().enumerate().filter(|(_, name)| !name.is_empty());
         let unused: Vec<String> = named
             .filter(|(index, _)| is_unused(*index))
-            .map(|(_, name)| match suggestion(name) {
+            .map(|(_, name)| match suggestion(name, is_asked_for) {
                 Some(hint) => format!("`{name}` ({hint})"),
                 None => format!("`{name}`"),
             })

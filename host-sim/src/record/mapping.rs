@@ -121,11 +121,12 @@ impl Mapping {
 
     /// Every channel that `find` knows by name, in the order of the channel table.
     ///
-    /// `present` are the names to list if a channel that must be there is not. Time need not be there with a `rate`.
+    /// `present` are the names to list if a channel that must be there is not, `offered` those that can be read. Time need not be there with a `rate`.
     pub(super) fn resolve<T>(
         &self,
         rate: bool,
         present: &[String],
+        offered: impl Fn() -> Vec<String>,
         mut find: impl FnMut(&str) -> Option<T>,
     ) -> Result<Vec<Found<T>>, Problem> {
         let mut all = Vec::new();
@@ -143,10 +144,10 @@ impl Mapping {
                 all.push(Found { channel, factor, unit, source });
             } else if let Some(entry) = entry {
                 let expected = format!("{}={}", info.column, entry.full_name);
-                let hint = entry.similar(present);
+                let hint = entry.similar(&offered());
                 return Err(Problem::Missing { expected, present: present.to_vec(), hint });
             } else if info.required && !(rate && channel == Channel::Time) {
-                let hint = Some(how_to_map(info, present));
+                let hint = Some(how_to_map(info, &offered()));
                 return Err(Problem::Missing {
                     expected: info.column.to_owned(),
                     present: present.to_vec(),
@@ -219,8 +220,10 @@ impl Entry {
     fn similar(&self, present: &[String]) -> Option<String> {
         let wanted = self.name.to_lowercase();
         let likeness = |name: &String| strsim::jaro_winkler(&wanted, &bare(name).to_lowercase());
+        // Of names that are equally like it, the first.
         let (name, _) = present
             .iter()
+            .rev()
             .map(|name| (name, likeness(name)))
             .filter(|(_, likeness)| *likeness >= LIKE)
             .max_by(|(_, a), (_, b)| a.total_cmp(b))?;
@@ -260,9 +263,11 @@ fn parse_unit(symbol: &str, info: &ChannelInfo) -> Result<&'static Unit, String>
     }
 }
 
-/// What to tell about a name that was not used: how to map it to the channel that may be meant, if one is close.
-pub(super) fn suggestion(name: &str) -> Option<String> {
-    closest(name).map(|(info, unit)| format!("map it with {}", option(&entry_for(name, info, unit))))
+/// What to tell about a name that was not used: how to map it to the channel that may be meant, if one is close and is
+/// asked for.
+pub(super) fn suggestion(name: &str, is_asked_for: impl Fn(&ChannelInfo) -> bool) -> Option<String> {
+    let close = closest(name).filter(|(info, _)| is_asked_for(info));
+    close.map(|(info, unit)| format!("map it with {}", option(&entry_for(name, info, unit))))
 }
 
 /// The entry that maps a name.
@@ -357,9 +362,12 @@ mod tests {
         let hint = |entry: &str, present: &[&str]| {
             let mapping = Mapping::parse([entry]).expect("valid");
             let present: Vec<String> = present.iter().map(ToString::to_string).collect();
-            match mapping
-                .resolve(false, &present, |name| (name == "t_s" || name == "command_m").then_some(()))
-            {
+            match mapping.resolve(
+                false,
+                &present,
+                || present.clone(),
+                |name| (name == "t_s" || name == "command_m").then_some(()),
+            ) {
                 Err(Problem::Missing { hint, .. }) => hint,
                 _ => None,
             }
@@ -372,6 +380,7 @@ mod tests {
         assert_eq!(hint("lvdt_m=Positio2[mm]*2", &names), meant("'lvdt_m=Position 2 [mm]*2'"));
         assert_eq!(hint("lvdt_m=Pos", &names), meant("'lvdt_m=Positon'"));
         assert_eq!(hint("lvdt_m=pressure", &names), None);
+        assert_eq!(hint("lvdt_m=data(:,0)", &["data(:,1)", "data(:,2)"]), meant("'lvdt_m=data(:,1)'"));
     }
 
     #[test]
@@ -379,7 +388,7 @@ mod tests {
         let mapping = Mapping::parse(["lvdt_m=Position [mm]", "command_m=ref[mm]"]).expect("valid");
         let names = ["t_s", "Position [mm]", "ref"];
         let found = mapping
-            .resolve(false, &[], |name| names.iter().position(|&other| other == name))
+            .resolve(false, &[], Vec::new, |name| names.iter().position(|&other| other == name))
             .map(|all| all.iter().map(|found| (found.source, found.factor)).collect::<Vec<_>>());
         assert_eq!(found.expect("all there"), [(0, 1.0), (2, 1e-3), (1, 1e-3)]);
     }
@@ -431,7 +440,8 @@ mod tests {
 
     #[test]
     fn close_names_are_offered() {
-        let offer = |name| suggestion(name).unwrap_or_default();
+        let offer = |name| suggestion(name, |_| true).unwrap_or_default();
+        assert_eq!(suggestion("Time", |info| info.channel != Channel::Time), None);
         let offers =
             |name, option: &str| assert_eq!(offer(name), format!("map it with `--columns {option}`"));
         offers("lvdt_mm", "'lvdt_m=lvdt_mm[mm]'");

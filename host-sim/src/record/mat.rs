@@ -12,6 +12,9 @@ use super::{Loaded, ReadOptions};
 mod v5;
 mod v73;
 
+/// Most columns of an array that are offered one by one.
+const MOST_OFFERED: usize = 32;
+
 /// A numeric array of a MAT file.
 #[derive(Clone, Debug, PartialEq)]
 struct Array {
@@ -21,6 +24,13 @@ struct Array {
     values: Vec<f64>,
     /// Stored in single precision?
     single: bool,
+}
+
+impl Array {
+    /// Has it one extent at most?
+    fn is_vector(&self) -> bool {
+        self.extents.iter().filter(|&&extent| extent != 1).count() <= 1
+    }
 }
 
 /// What a name of a MAT file stands for.
@@ -53,6 +63,32 @@ impl Contents {
             Self::V5(variables) => variables.paths(),
             Self::V73(variables) => variables.paths(),
         }
+    }
+
+    /// The names that can be read: vectors, and the columns of arrays.
+    fn readable(&self) -> Vec<String> {
+        let of_path = |path: String| match self.find(&path) {
+            Some(Ok(Variable::Array(array))) if array.is_vector() => vec![path],
+            Some(Ok(Variable::Array(Array { extents, .. }))) => match extents[..] {
+                [rows, columns] if columns <= rows.min(MOST_OFFERED) => {
+                    (1..=columns).map(|column| format!("{path}(:,{column})")).collect()
+                }
+                _ => Vec::new(),
+            },
+            _ => Vec::new(),
+        };
+        self.paths().into_iter().flat_map(of_path).collect()
+    }
+
+    /// A channel that is missing, with what of the file cannot be read.
+    fn with_unread(&self, problem: Problem) -> Problem {
+        let Problem::Missing { expected, present, hint } = problem else { return problem };
+        let unread = present.iter().filter_map(|path| match self.find(path) {
+            Some(Ok(Variable::Other(what))) => Some(format!("`{path}` is {what}, which is not read")),
+            _ => None,
+        });
+        let hints: Vec<String> = hint.into_iter().chain(unread).collect();
+        Problem::Missing { expected, present, hint: (!hints.is_empty()).then(|| hints.join("; ")) }
     }
 
     /// The variable, or the field of a structure, of a path such as `data.pos`.
@@ -96,17 +132,23 @@ pub fn read_mat_with(path: &Path, options: &ReadOptions) -> Result<Loaded, Recor
 pub fn parse_mat(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Loaded, RecordError> {
     let fail = |problem| RecordError::new(file, problem);
     let contents = Contents::decode(bytes).map_err(|what| fail(Problem::BadMat(what)))?;
+    let paths = contents.paths();
     let channels = options
         .columns
-        .resolve(options.sample_rate_hz.is_some(), &contents.paths(), |path| {
-            let whole = || contents.find(path).map(|variable| (path.to_owned(), variable, None));
-            let part = || {
-                let (name, part) = Part::split(path)?;
-                contents.find(name).map(|variable| (path.to_owned(), variable, Some(part)))
-            };
-            whole().or_else(part)
-        })
-        .map_err(fail)?;
+        .resolve(
+            options.sample_rate_hz.is_some(),
+            &paths,
+            || contents.readable(),
+            |path| {
+                let whole = || contents.find(path).map(|variable| (path.to_owned(), variable, None));
+                let part = || {
+                    let (name, part) = Part::split(path)?;
+                    contents.find(name).map(|variable| (path.to_owned(), variable, Some(part)))
+                };
+                whole().or_else(part)
+            },
+        )
+        .map_err(|problem| fail(contents.with_unread(problem)))?;
     let mut table = Table {
         file: file.to_owned(),
         lines: None,
@@ -187,9 +229,7 @@ impl Part {
 fn vector(variable: Variable, path: &str) -> Result<Array, Problem> {
     match variable {
         Variable::Other(what) => Err(Problem::NotAVector(what)),
-        Variable::Array(array) if array.extents.iter().filter(|&&extent| extent != 1).count() <= 1 => {
-            Ok(array)
-        }
+        Variable::Array(array) if array.is_vector() => Ok(array),
         Variable::Array(Array { extents, .. }) => {
             Err(Problem::NotAVector(format!("{}, of which `{path}(:,1)` is a column", in_words(&extents))))
         }

@@ -4,6 +4,7 @@
 //! Columns, units and limits are those of [`eha_monitor::channel::CHANNELS`].
 
 use eha_monitor::channel::{CHANNELS, Channel, ChannelRole};
+use std::io::Read as _;
 
 mod csv;
 mod csv_writer;
@@ -28,6 +29,12 @@ pub use parquet::read_parquet_with;
 use table::{Series, Table};
 pub(crate) use time_base::LONGEST_GAP_S;
 use time_base::Resolution;
+
+/// First bytes of a Parquet file.
+const PARQUET_SIGNATURE: &[u8] = b"PAR1";
+
+/// What messages call the record on stdin.
+const STDIN: &str = "stdin";
 
 /// Fewest samples of a record, and fewest present samples of a measured channel.
 pub const MIN_SAMPLES: usize = 50;
@@ -69,18 +76,29 @@ pub struct Loaded {
     pub warnings: Vec<String>,
 }
 
-/// Reads a record from a CSV, MAT or Parquet file, whichever it is by its first bytes or, for MAT, its name.
+/// Reads a record from the text or the MAT file on stdin.
+fn read_stdin(options: &ReadOptions) -> Result<Loaded, RecordError> {
+    let mut bytes = Vec::new();
+    let read = std::io::stdin().lock().read_to_end(&mut bytes);
+    read.map_err(|error| RecordError::new(STDIN, Problem::Io(error)))?;
+    if csv::is_mat(&bytes) { parse_mat(STDIN, &bytes, options) } else { parse_csv(STDIN, &bytes, options) }
+}
+
+/// Reads a record from a CSV, MAT or Parquet file, whichever it is by its first bytes or, for MAT, its name; `-` is stdin,
+/// for CSV and MAT.
 ///
 /// # Errors
 ///
 /// Those of [`read_csv_with`], [`read_mat_with`] and [`read_parquet_with`].
 pub fn read(path: &std::path::Path, options: &ReadOptions) -> Result<Loaded, RecordError> {
-    use std::io::Read as _;
+    if path.as_os_str() == "-" {
+        return read_stdin(options);
+    }
     let mut first = Vec::new();
     let opened = std::fs::File::open(path).and_then(|file| file.take(8).read_to_end(&mut first));
     opened.map_err(|error| RecordError::new(&path.display().to_string(), Problem::Io(error)))?;
     let named_mat = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mat"));
-    if first.starts_with(b"PAR1") {
+    if first.starts_with(PARQUET_SIGNATURE) {
         read_parquet_with(path, options)
     } else if named_mat || csv::is_mat(&first) {
         read_mat_with(path, options)

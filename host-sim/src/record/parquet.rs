@@ -1,19 +1,24 @@
-//! Reads records from Parquet files: flat columns of numbers; a null is a missing sample.
+//! Reads records from Parquet files: flat columns of numbers; a null is a missing sample. A time that is a timestamp counts
+//! from the first sample.
 
 use eha_monitor::channel::Channel;
 use std::path::Path;
 
-use parquet::basic::Type as PhysicalType;
+use parquet::basic::{Compression, ConvertedType, LogicalType, TimeUnit, Type as PhysicalType};
 use parquet::errors::ParquetError;
+use parquet::file::metadata::{KeyValue, ParquetMetaData};
 use parquet::file::reader::{FileReader, SerializedFileReader};
-use parquet::record::{Field as Cell, Row};
+use parquet::record::Field as Cell;
 use parquet::schema::types::Type;
+use serde_json::Value;
 
 use super::error::{Field, Problem, RecordError};
 use super::guard::guarded;
 use super::header::Header;
+use super::mapping::UnitFrom;
 use super::table::{Series, Table};
 use super::time_base::Resolution;
+use super::units::unit;
 use super::{Loaded, ReadOptions};
 
 /// Reads a record from the columns, the rate and the window of `options`.
@@ -41,11 +46,23 @@ fn decoded(file: &str, path: &Path, options: &ReadOptions) -> Result<Loaded, Rec
         }
     })?;
     let Header { names, columns } = &header;
+    check_compressions(reader.metadata()).map_err(|problem| RecordError::new(file, problem))?;
+    let mut clock = columns.iter().find(|column| column.channel == Channel::Time).and_then(|time| {
+        Clock::of(&schema.get_fields()[time.source], reader.metadata().file_metadata().key_value_metadata())
+    });
     let mut values: Vec<Vec<f64>> = vec![Vec::new(); columns.len()];
     for (index, row) in reader.get_row_iter(None).map_err(broken)?.enumerate() {
         let row = row.map_err(broken)?;
         for (column, values) in columns.iter().zip(&mut values) {
-            let value = number(&row, column.source).map_err(|problem| {
+            let cell = row.get_column_iter().nth(column.source).map_or(&Cell::Null, |(_, cell)| cell);
+            if column.channel == Channel::Time
+                && let Some(clock) = &mut clock
+                && let Some(count) = count(cell)
+            {
+                values.push(clock.seconds(count));
+                continue;
+            }
+            let value = number(cell).map_err(|problem| {
                 RecordError::new(file, problem)
                     .at_sample(index + 1)
                     .in_field(Field::Variable(names[column.source].clone()))
@@ -63,19 +80,20 @@ fn decoded(file: &str, path: &Path, options: &ReadOptions) -> Result<Loaded, Rec
         series: Vec::new(),
         warnings: Vec::new(),
     };
-    if let Some(text) = header.unused() {
+    if let Some(text) = header.unused(options) {
         table.warn(&text);
     }
     for (column, values) in columns.iter().zip(values) {
         if column.channel == Channel::Time && is_single(&schema.get_fields()[column.source]) {
             table.resolution = Resolution::of_singles(&values);
         }
+        let is_clock = column.channel == Channel::Time && clock.is_some();
         let field = Field::Variable(names[column.source].clone());
         table.series.push(Series {
             channel: column.channel,
             field,
             factor: column.factor,
-            unit: column.unit,
+            unit: if is_clock { UnitFrom::Mapping } else { column.unit },
             values,
         });
     }
@@ -87,9 +105,81 @@ fn is_single(column: &Type) -> bool {
     column.is_primitive() && column.get_physical_type() == PhysicalType::FLOAT
 }
 
+/// A column of times that states its own unit, whatever a mapping says of it.
+struct Clock {
+    /// Its unit, s.
+    unit: f64,
+    /// Is it a time of a calendar, which is counted from the first sample?
+    is_calendar: bool,
+    /// The first count.
+    first: Option<i64>,
+}
+
+impl Clock {
+    /// The clock of a column; none where the column does not say that it is one. Parquet has no durations: pandas notes
+    /// them in the metadata of the file.
+    fn of(column: &Type, metadata: Option<&Vec<KeyValue>>) -> Option<Self> {
+        let calendar = |unit: f64| Some(Self { unit, is_calendar: true, first: None });
+        if let Some(LogicalType::Timestamp(stamp)) = column.get_basic_info().logical_type_ref() {
+            return match stamp.unit {
+                TimeUnit::MILLIS => calendar(1e-3),
+                TimeUnit::MICROS => calendar(1e-6),
+                TimeUnit::NANOS => calendar(1e-9),
+            };
+        }
+        match column.get_basic_info().converted_type() {
+            ConvertedType::TIMESTAMP_MILLIS => return calendar(1e-3),
+            ConvertedType::TIMESTAMP_MICROS => return calendar(1e-6),
+            _ => {}
+        }
+        let noted = metadata?.iter().find(|entry| entry.key == "pandas")?.value.as_ref()?;
+        let noted: Value = serde_json::from_str(noted).ok()?;
+        let of_column = |entry: &&Value| entry["field_name"] == column.name();
+        let kind = noted["columns"].as_array()?.iter().find(of_column)?["numpy_type"].as_str()?;
+        let symbol = kind.strip_prefix("timedelta64[")?.strip_suffix(']')?;
+        let unit = unit(symbol).filter(|unit| unit.base == Channel::Time.info().unit)?;
+        Some(Self { unit: unit.factor, is_calendar: false, first: None })
+    }
+
+    /// The time of a count, s.
+    fn seconds(&mut self, count: i64) -> f64 {
+        let first = *self.first.get_or_insert(if self.is_calendar { count } else { 0 });
+        count.saturating_sub(first) as f64 * self.unit
+    }
+}
+
+/// The count of a cell of a clock.
+fn count(cell: &Cell) -> Option<i64> {
+    match cell {
+        Cell::Long(count) | Cell::TimestampMillis(count) | Cell::TimestampMicros(count) => Some(*count),
+        _ => None,
+    }
+}
+
+/// Refuses a compression that is not built in.
+fn check_compressions(metadata: &ParquetMetaData) -> Result<(), Problem> {
+    let is_built_in = |compression: &Compression| {
+        matches!(
+            compression,
+            Compression::UNCOMPRESSED | Compression::SNAPPY | Compression::GZIP(_) | Compression::ZSTD(_)
+        )
+    };
+    let mut compressions =
+        metadata.row_groups().iter().flat_map(|group| group.columns()).map(|column| column.compression());
+    match compressions.find(|compression| !is_built_in(compression)) {
+        None => Ok(()),
+        Some(found) => {
+            let found = format!("{found:?}").to_lowercase();
+            let name = found.split('(').next().unwrap_or_default();
+            Err(Problem::BadParquet(format!(
+                "it is compressed with {name}, expected snappy, gzip, zstd or none: write it anew with one of these"
+            )))
+        }
+    }
+}
+
 /// The value of a cell; NaN for a null.
-fn number(row: &Row, column: usize) -> Result<f64, Problem> {
-    let cell = row.get_column_iter().nth(column).map_or(&Cell::Null, |(_, cell)| cell);
+fn number(cell: &Cell) -> Result<f64, Problem> {
     Ok(match cell {
         Cell::Null => f64::NAN,
         Cell::Double(value) => *value,
@@ -102,9 +192,8 @@ fn number(row: &Row, column: usize) -> Result<f64, Problem> {
         Cell::UShort(value) => f64::from(*value),
         Cell::UInt(value) => f64::from(*value),
         Cell::ULong(value) => *value as f64,
-        // Clocks: in s.
-        Cell::TimestampMillis(value) => *value as f64 * 1e-3,
-        Cell::TimestampMicros(value) => *value as f64 * 1e-6,
+        // Its text is the number in full.
+        Cell::Decimal(_) => cell.to_string().parse().map_err(|_| Problem::NotANumber(cell.to_string()))?,
         other => return Err(Problem::NotANumber(other.to_string())),
     })
 }
@@ -145,13 +234,35 @@ mod tests {
     }
 
     #[test]
+    fn a_duration_has_the_unit_that_its_writer_notes() {
+        let schema = parse_message_type("message m { REQUIRED INT64 time; }").expect("a schema");
+        let seconds = |kind: &str| {
+            let note = format!(r#"{{"columns": [{{"field_name": "time", "numpy_type": "{kind}"}}]}}"#);
+            let metadata = vec![KeyValue::new("pandas".to_owned(), note)];
+            let clock = Clock::of(&schema.get_fields()[0], Some(&metadata));
+            clock.map(|mut clock| clock.seconds(2_000_000).round())
+        };
+        assert_eq!(seconds("timedelta64[us]"), Some(2.0));
+        assert_eq!(seconds("timedelta64[ms]"), Some(2000.0));
+        assert_eq!(seconds("int64"), None);
+    }
+
+    #[test]
+    fn decimals_are_numbers() {
+        use parquet::data_type::Decimal;
+        let value = |digits: i64| number(&Cell::Decimal(Decimal::from_i64(digits, 18, 6))).expect("a number");
+        assert_eq!([value(-1500), value(0), value(2_000_000)], [-0.0015, 0.0, 2.0]);
+    }
+
+    #[test]
     fn clocks_of_other_programs_are_times() {
         let folder = tempfile::tempdir().expect("a directory");
         let path = folder.path().join("run.parquet");
         for (clock, parts, entry) in [
             ("(TIMESTAMP(MILLIS,true))", 1000, None),
             ("(TIMESTAMP(MICROS,false))", 1_000_000, None),
-            ("(TIMESTAMP(NANOS,false))", 1_000_000_000, Some("t_s=t_s[ns]")),
+            ("(TIMESTAMP(NANOS,false))", 1_000_000_000, None),
+            ("(TIMESTAMP(NANOS,true))", 1_000_000_000, Some("t_s=t_s[ns]")),
             ("", 1000, Some("t_s=t_s[ms]")),
         ] {
             std::fs::write(&path, file(clock, parts).expect("in memory")).expect("a file");
@@ -159,7 +270,8 @@ mod tests {
             let options = ReadOptions { columns, ..ReadOptions::default() };
             let record = read_parquet_with(&path, &options).expect(clock).record;
             assert!((record.sample_period_s() - 1e-3).abs() < 1e-12, "{clock}: {}", record.sample_period_s());
-            assert!((record.start_time_s() - 1_714_564_800.0).abs() < 1e-6, "{clock}");
+            let start = if clock.is_empty() { 1_714_564_800.0 } else { 0.0 };
+            assert!((record.start_time_s() - start).abs() < 1e-6, "{clock}: {}", record.start_time_s());
         }
     }
 }

@@ -16,10 +16,12 @@ use std::ops::RangeInclusive;
 
 use eha_monitor::channel::{Channel, ChannelInfo, ChannelRole};
 
+use super::error::Field;
 use super::mapping::option;
 use super::table::Series;
 use super::time_base::median_step;
 use super::units::{Unit, units_of};
+use crate::output::plain;
 
 /// Whole numbers this many times above the limit are called counts.
 const COUNTS_FROM: f64 = 50.0;
@@ -41,8 +43,8 @@ pub struct Suspicion {
     pub column: &'static str,
     /// Unit of the channel.
     pub unit: &'static str,
-    /// Name of the column or variable that was read.
-    pub source: String,
+    /// Name of the column or variable that was read; none where no file was.
+    pub source: Option<String>,
 }
 
 /// Which rule was broken, and by how much; in the unit of the channel.
@@ -71,20 +73,29 @@ impl fmt::Display for Suspicion {
         let Self { looks_like, column, unit, source, .. } = self;
         match self.found {
             Excess::Magnitude { largest, limit } => {
-                write!(f, "found a magnitude of {largest}, expected at most {limit} {unit}")?;
+                write!(
+                    f,
+                    "found a magnitude of {}, expected at most {} {unit}",
+                    plain(largest),
+                    plain(limit)
+                )?;
             }
             Excess::Travel { position, command } => write!(
                 f,
-                "found {position} from peak to peak where the command moves by {command} {unit}, \
-                 expected at most {MOST_TRAVEL} times the command"
+                "found {} from peak to peak where the command moves by {} {unit}, \
+                 expected at most {MOST_TRAVEL} times the command",
+                plain(position),
+                plain(command)
             )?,
             Excess::Period(period) => write!(
                 f,
-                "found a sampling period of {period} s, expected {} to {} s",
+                "found a sampling period of {} s, expected {} to {} s",
+                plain(period),
                 PERIODS.start(),
                 PERIODS.end()
             )?,
         }
+        let Some(source) = source else { return Ok(()) };
         match looks_like {
             Some(Unit { name, symbol, .. }) => {
                 write!(
@@ -170,7 +181,10 @@ fn suspicion(
     found: Excess,
     looks_like: Option<&'static Unit>,
 ) -> Suspicion {
-    let source = series.field.name().to_owned();
+    let source = match &series.field {
+        Field::Column { name, .. } | Field::Variable(name) => Some(name.clone()),
+        Field::Channel(_) => None,
+    };
     Suspicion { found, looks_like, column: info.column, unit: info.unit, source }
 }
 

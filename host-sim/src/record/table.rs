@@ -6,6 +6,7 @@ use super::error::{Field, Problem, RecordError};
 use super::mapping::UnitFrom;
 use super::time_base::{Grid, Resolution, on_grid, uniform};
 use super::{Loaded, MIN_SAMPLES, ReadOptions, Record, plausible};
+use crate::output::plain;
 
 /// The values of one channel, in its unit, and where they came from. NaN is a missing sample.
 #[derive(Clone, Debug)]
@@ -63,7 +64,13 @@ impl Table {
                 return Err(RecordError::new(&self.file, Problem::BadPeriod(period)));
             }
         };
+        let whole = [time.values.first(), time.values.last()].map(|stamp| stamp.copied().unwrap_or(f64::NAN));
         let time = self.cut(time, options);
+        if time.values.len() < MIN_SAMPLES && length >= MIN_SAMPLES {
+            let [first, last] = whole;
+            let problem = Problem::ShortSegment { found: time.values.len(), first, last };
+            return Err(RecordError::new(&self.file, problem));
+        }
         self.check_length(time.values.len())?;
         self.check_magnitude(&time)?;
         let mut is_in_seconds = !has_time || matches!(time.unit, UnitFrom::Mapping | UnitFrom::Row);
@@ -81,6 +88,7 @@ impl Table {
             }
         };
         let (start, period) = clock.map_err(|(index, problem)| self.at(&time, index, problem))?;
+        self.drop_dead();
         self.check_values()?;
         if let Some(suspicion) = plausible::period(period, &time).filter(|_| !is_in_seconds) {
             return Err(
@@ -113,6 +121,25 @@ impl Table {
         if let Some(lines) = &mut self.lines {
             retain(lines, keep);
         }
+    }
+
+    /// Leaves out measured channels that say nothing: without a value, or with the same one in every sample. A position
+    /// that is asked for is looked at later.
+    fn drop_dead(&mut self) {
+        let mut series = std::mem::take(&mut self.series);
+        series.retain(|series| {
+            if series.channel.info().role != ChannelRole::Measured || series.channel.info().required {
+                return true;
+            }
+            let found = match constant(&series.values) {
+                Some(value) => format!("the same value {} in every sample", plain(value)),
+                None if missing(&series.values) == series.values.len() => "no value".to_owned(),
+                None => return true,
+            };
+            self.warn(&format!("{}: not used: it has {found}", series.field));
+            false
+        });
+        self.series = series;
     }
 
     /// Leaves out rows that are the one before them once more, their time too.

@@ -14,6 +14,7 @@ use eha_monitor::effect::EffectInfo;
 use eha_monitor::model::drive::Law;
 use eha_monitor::model::{Drive, Form, ValveForm};
 use eha_monitor::parameter::{PARAMETERS, Parameter, Parameters};
+use std::cmp::Reverse;
 
 /// A parameter that a search may move, with its range.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -224,15 +225,19 @@ fn with_nearest<'a>(message: String, name: &str, known: impl Iterator<Item = &'a
     }
 }
 
-/// The known name that is nearest to another one, if it is near.
+/// The known name that is nearest to another one, if it is near: that starts with it, or that a slip of the fingers or
+/// two make of it, at most one in three letters.
 fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    // Case decides between names that are equally near without it.
-    let likeness = |known: &str| {
-        (strsim::jaro_winkler(&name.to_lowercase(), &known.to_lowercase()), strsim::jaro_winkler(name, known))
+    let lower = name.to_lowercase();
+    let is_start = |known: &str| lower.chars().count() >= 3 && known.to_lowercase().starts_with(&lower);
+    let distance = |known: &str| strsim::osa_distance(&lower, &known.to_lowercase());
+    let is_near = |known: &&str| {
+        let letters = lower.chars().count().max(known.chars().count());
+        is_start(known) || 3 * distance(known) <= letters
     };
-    let nearest = known
-        .filter(|known| !known.is_empty())
-        .map(|known| (likeness(known), known))
-        .max_by(|(a, _), (b, _)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    nearest.filter(|((likeness, _), _)| *likeness > 0.7).map(|(_, known)| known)
+    known.filter(|known| !known.is_empty()).filter(is_near).min_by_key(|known| {
+        let common = lower.chars().zip(known.to_lowercase().chars()).take_while(|(a, b)| a == b).count();
+        // Of names that are equally near, the first letters decide, then the case.
+        (!is_start(known), distance(known), Reverse(common), strsim::osa_distance(name, known))
+    })
 }

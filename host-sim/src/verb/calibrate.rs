@@ -24,18 +24,29 @@ pub struct Options {
 /// Runs the verb.
 ///
 /// # Errors
-/// Usage, bad data, or no convergence; with the latter, no file is written.
+/// Usage, bad data, or no convergence; with the latter, or interrupted, no rig is written.
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let writes = [RESULT_FILE, REPORT_FILE, RIG_FILE];
     let fitted = fit_records(common, &options.fit, DEFAULT_RIG, &writes, |rig| rig.free.clone())?;
     let result = identify::json(common, &fitted, "parameters");
+    let saved = identify::save(common, &fitted, &result, RESULT_FILE, "Calibration");
     if common.json {
         output::print_json(&result)?;
     } else {
         identify::print(common, &fitted)?;
     }
-    converged(&fitted.fit)?;
-    identify::save(common, &fitted, &result, RESULT_FILE, "Calibration")?;
+    saved?;
+    if let (Err(failure), Some(path)) = (converged(&fitted), output::out_path(common, RIG_FILE)) {
+        output::log(
+            common,
+            &format!(
+                "warning: {} is not written: a rig is the result of a search that has ended",
+                path.display()
+            ),
+        );
+        return Err(failure);
+    }
+    converged(&fitted)?;
     output::save(common, RIG_FILE, || {
         let calibrated = fitted.fit.applied(&fitted.rig);
         let comments = [

@@ -2,7 +2,7 @@
 
 use super::files::{Files, common_samples};
 use super::{DEFAULT_RIG, InputOptions};
-use crate::cli::{Common, written_path};
+use crate::cli::Common;
 use crate::diagnose::{Case, Diagnosis, Score, Verdict, diagnose};
 use crate::failure::Failure;
 use crate::fit::{self, Bounds, Estimate, FitSettings, LoopScore, Prepared};
@@ -11,10 +11,10 @@ use crate::output::{self, SCHEMA, effects_in_words};
 use crate::record::Record;
 use crate::report::{self, Diagnosed, OfParts, REPORT_FILE};
 use crate::rig::{self, Rig};
+use crate::table_file::table_path;
 use crate::trace::Trace;
 use eha_monitor::channel::Channel;
 use serde_json::{Value, json};
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::slice;
 use std::time::Instant;
@@ -38,12 +38,12 @@ pub struct Options {
     holdout: Vec<PathBuf>,
     #[command(flatten)]
     input: InputOptions,
-    /// Where to write the final model's prediction of the (first) held-out record.
-    #[arg(long, value_name = "FILE.csv", requires = "holdout", value_parser = written_path())]
+    /// Where to write the final model's prediction of the (first) held-out record (CSV, or Parquet if it ends so).
+    #[arg(long, value_name = "FILE.csv|.parquet", requires = "holdout", value_parser = table_path())]
     prediction: Option<PathBuf>,
     /// Where to write what was measured, predicted and left of the fitted records, sample by sample (CSV, or Parquet if
     /// it ends so); `trace.csv` in the directory of `--out` by default.
-    #[arg(long, value_name = "FILE.csv|.parquet", value_parser = written_path())]
+    #[arg(long, value_name = "FILE.csv|.parquet", value_parser = table_path())]
     trace: Option<PathBuf>,
 }
 
@@ -314,11 +314,7 @@ impl Job<'_> {
         if let (Some(path), Some(record)) = (prediction, self.holdout.first()) {
             let compared = &diagnosis.records[self.train.len()];
             let predicted = fit::predict(&diagnosis.rig, slice::from_ref(compared)).concat();
-            let mut text = String::from("t_s,lvdt_m\n");
-            for (sample, output) in predicted.iter().enumerate() {
-                let _ = writeln!(text, "{},{}", record.time_s(sample), output.user);
-            }
-            output::write_file(path, text.as_bytes())?;
+            Trace::of_prediction(record, &predicted).save(path)?;
         }
         Ok(())
     }

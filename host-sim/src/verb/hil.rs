@@ -13,6 +13,7 @@ use crate::rig::{CommandPath, Rig, parameter_named};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::problem::Free;
 use eha_monitor::link::message::{FAULTS, FromMonitor, ReportMessage};
+use eha_monitor::link::station::WINDOW;
 use eha_monitor::monitor::config::{Config, Fault};
 use eha_monitor::monitor::report::Verdict;
 use eha_monitor::parameter::Parameter;
@@ -102,7 +103,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     if common.json {
         output::print_json(&json_of(common, options, &session, &outcome, &name, &rig))?;
     } else {
-        output::print(&summary(&outcome))?;
+        output::print(&summary(&session, &outcome))?;
     }
     if outcome.is_identical {
         Ok(())
@@ -246,12 +247,20 @@ fn line_of(config: &Config<FAULTS>, report: &ReportMessage) -> String {
     )
 }
 
-fn summary(outcome: &Outcome) -> String {
+fn summary(session: &Session, outcome: &Outcome) -> String {
     let mut text = format!(
         "{} reports; the host's own run of the monitor {}",
         outcome.reports.len(),
         if outcome.is_identical { "gives the same bytes" } else { "DIFFERS" }
     );
+    if outcome.twin.is_empty() {
+        let _ = write!(
+            text,
+            "\nno report: {} were sent, and a window, which is reported when it is whole, takes {}",
+            counted(session.samples.len(), "sample"),
+            counted(WINDOW, "sample")
+        );
+    }
     let injected = outcome.injected;
     let _ = write!(
         text,

@@ -47,7 +47,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         truth.print(&fitted.fit)?;
     }
     saved?;
-    converged(&fitted.fit)
+    converged(&fitted)
 }
 
 /// Writes the trace, and the result as JSON and as a report, if there is a place for them.

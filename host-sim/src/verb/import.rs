@@ -5,6 +5,7 @@ use super::files::Files;
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::output;
+use crate::table_file::table_path_or_stdout;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -14,8 +15,9 @@ pub struct Options {
     /// MAT file (v5, v7.3), Parquet or CSV file.
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Where to write the record; `record.csv` in the directory of `--out` by default, else stdout (`-`).
-    #[arg(long, short, value_name = "REC.csv")]
+    /// Where to write the record (CSV, or Parquet if it ends so); `record.csv` in the directory of `--out` by default,
+    /// else stdout (`-`).
+    #[arg(long, short, value_name = "REC.csv|.parquet", value_parser = table_path_or_stdout())]
     output: Option<PathBuf>,
     #[command(flatten)]
     input: InputOptions,

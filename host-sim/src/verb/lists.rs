@@ -48,8 +48,8 @@ pub fn effects(common: &Common) -> Result<(), Failure> {
                 if first { effect.port.name().to_owned() } else { String::new() },
                 info.name.to_owned(),
                 info.unit.to_owned(),
-                info.default.to_string(),
-                format!("{} to {}", info.lower, info.upper),
+                output::plain(info.default),
+                format!("{} to {}", output::plain(info.lower), output::plain(info.upper)),
             ]);
         }
         table.add_row([String::new(), String::new(), effect.equation.to_owned()]);

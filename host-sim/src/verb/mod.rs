@@ -17,15 +17,16 @@ pub mod reproduce;
 pub mod shell;
 pub mod simulate;
 
-use crate::cli::{Common, written_path};
+use crate::cli::Common;
 use crate::failure::Failure;
 use crate::fit::{self, AsRead, Fit, FitSettings, NoiseSource, Prepared, Reading};
 use crate::inspect::screen::{Screened, screen};
 use crate::inspect::setup;
 use crate::interrupt;
-use crate::output;
+use crate::output::{self, plain};
 use crate::record::{self, Loaded, Mapping, Problem, ReadOptions, Record, RecordError};
 use crate::rig::{BUILT_IN, Range, Rig, parameter_named};
+use crate::table_file::table_path;
 use crate::trace::{TRACE_FILE, Trace};
 use clap::Args;
 use eha_monitor::channel::Channel;
@@ -192,7 +193,7 @@ fn segment(path: &Path) -> Result<(PathBuf, Option<Segment>), Failure> {
 /// Options of the verbs that fit records.
 #[derive(Clone, Debug, Args)]
 pub struct FitOptions {
-    /// Records (CSV, MAT, Parquet); several are fitted together. `FILE@FROM..TO` is a segment of one, in s.
+    /// Records (CSV, MAT, Parquet; `-` is stdin); several are fitted together. `FILE@FROM..TO` is a segment of one, in s.
     #[arg(required = true, value_name = "REC")]
     records: Vec<PathBuf>,
     #[command(flatten)]
@@ -209,7 +210,7 @@ pub struct FitOptions {
     budget: u32,
     /// Where to write what was measured, predicted and left, sample by sample (CSV, or Parquet if it ends so);
     /// `trace.csv` in the directory of `--out` by default.
-    #[arg(long, value_name = "FILE.csv|.parquet", value_parser = written_path())]
+    #[arg(long, value_name = "FILE.csv|.parquet", value_parser = table_path())]
     trace: Option<PathBuf>,
 }
 
@@ -243,8 +244,12 @@ fn check_value(parameter: Parameter, value: f64) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::usage(format!(
-        "`{}` = {value}: expected {} to {} {}",
-        info.name, info.lower, info.upper, info.unit
+        "`{}` = {}: expected {} to {} {}",
+        info.name,
+        plain(value),
+        plain(info.lower),
+        plain(info.upper),
+        info.unit
     )))
 }
 
@@ -284,6 +289,7 @@ struct Fitted {
     fit: Fit,
     reading_open: bool,
     population: usize,
+    budget: u32,
     /// How the records were read, and the search: as in the configuration of the result.
     reading: Value,
     search: Value,
@@ -337,6 +343,7 @@ fn fit_records(
         fit,
         reading_open,
         population,
+        budget: options.budget,
         reading: options.input.json(),
         search: json!({ "population": options.population, "budget": options.budget }),
         names,
@@ -359,14 +366,15 @@ fn save_trace(common: &Common, path: Option<&Path>, trace: impl FnOnce() -> Trac
 
 /// A search that was interrupted or used up its budget has not converged: its result is printed, and the exit code says
 /// so.
-fn converged(fit: &Fit) -> Result<(), Failure> {
-    if fit.interrupted {
+fn converged(fitted: &Fitted) -> Result<(), Failure> {
+    if fitted.fit.interrupted {
         return interrupt::check();
     }
-    if fit.stop == StopReason::Budget {
+    if fitted.fit.stop == StopReason::Budget {
         return Err(Failure::convergence(format!(
-            "no convergence within {} evaluations; allow more with --budget, or narrow the --bounds",
-            fit.evaluations
+            "no convergence within the budget of {} evaluations ({} made, as what is begun is ended); allow more with \
+             --budget, or narrow the --bounds",
+            fitted.budget, fitted.fit.evaluations
         )));
     }
     Ok(())

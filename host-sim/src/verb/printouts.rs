@@ -17,9 +17,9 @@ impl Truth {
     /// Reads texts such as `bkl=2e-4`.
     ///
     /// # Errors
-    /// Usage: no such parameter, not a number, or none that the parameter can have.
+    /// Usage: no such parameter, one that is given twice, not a number, or none that the parameter can have.
     pub(super) fn parse(texts: &[String]) -> Result<Self, Failure> {
-        let one = |text: &String| {
+        let one = |text: &String| -> Result<(Parameter, f64), Failure> {
             let wrong = || Failure::usage(format!("`{text}`: expected NAME=VALUE, such as fdj=800"));
             let (name, value) = text.split_once('=').ok_or_else(wrong)?;
             let (parameter, value) =
@@ -27,7 +27,16 @@ impl Truth {
             check_value(parameter, value)?;
             Ok((parameter, value))
         };
-        texts.iter().map(one).collect::<Result<_, _>>().map(Self)
+        let truths: Vec<(Parameter, f64)> = texts.iter().map(one).collect::<Result<_, _>>()?;
+        for (index, (parameter, _)) in truths.iter().enumerate() {
+            if truths[..index].iter().any(|(other, _)| other == parameter) {
+                let name = parameter.info().name;
+                return Err(Failure::usage(format!(
+                    "the truth of `{name}` is given twice: expected it once"
+                )));
+            }
+        }
+        Ok(Self(truths))
     }
 
     /// Input, output and error in percent of each estimate whose truth is known.

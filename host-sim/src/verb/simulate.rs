@@ -8,12 +8,14 @@ use crate::output;
 use crate::plant::{self, Excitation, Sensing};
 use crate::record::{Record, read_csv};
 use crate::rig::{Rig, channel_named, unknown};
+use crate::table_file::table_path_or_stdout;
 use clap::ValueEnum;
 use eha_monitor::channel::{Channel, ChannelRole};
 use eha_monitor::command::{COMMANDS, Command, CommandInfo, cosine_of_turns, sine_of_turns};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::model::Drive;
 use serde_json::{Map, Value, json};
+use std::fmt::Write as _;
 use std::path::PathBuf;
 
 /// Which model makes the data.
@@ -34,7 +36,7 @@ pub struct Options {
     /// Command (see `commands`), or a CSV file whose command, load and force are flown again.
     #[arg(long, default_value = "chirp", value_name = "NAME|FILE.csv")]
     command: String,
-    /// Amplitude of the command in place of its own, m (ramp: m/s).
+    /// Amplitude of the command in place of its own, m (ramp: m/s). A command takes those of these options that it has.
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     amplitude: Option<f64>,
     /// Frequency of the command in place of its own, Hz (chirp: at its start).
@@ -76,8 +78,9 @@ pub struct Options {
     /// Measured channels to write; all by default.
     #[arg(long, value_delimiter = ',', value_name = "CHANNEL")]
     channels: Vec<String>,
-    /// Where to write the record; `record.csv` in the directory of `--out` by default, else stdout (`-`).
-    #[arg(long, short, value_name = "REC.csv")]
+    /// Where to write the record (CSV, or Parquet if it ends so); `record.csv` in the directory of `--out` by default,
+    /// else stdout (`-`).
+    #[arg(long, short, value_name = "REC.csv|.parquet", value_parser = table_path_or_stdout())]
     output: Option<PathBuf>,
 }
 
@@ -232,6 +235,86 @@ fn keep(record: &Record, wanted: &[Channel]) -> Result<Record, Failure> {
     Ok(Record::new(record.name(), record.sample_period_s(), record.start_time_s(), channels)?)
 }
 
+/// An option that shapes a command.
+struct Shaping {
+    /// Its name.
+    option: &'static str,
+    /// What is shaped, in words, and its unit.
+    words: &'static str,
+    unit: &'static str,
+    /// What the user gives for it.
+    given: fn(&Options) -> Option<f64>,
+    /// The command's own value; 0 where it has none.
+    own: fn(&CommandInfo) -> f64,
+    /// Sets it.
+    set: fn(&mut Command<f64>, f64),
+}
+
+/// The options that shape commands.
+const SHAPING: [Shaping; 4] = [
+    Shaping {
+        option: "amplitude",
+        words: "amplitude",
+        unit: "",
+        given: |options| options.amplitude,
+        own: |info| info.amplitude,
+        set: |command, value| command.amplitude = value,
+    },
+    Shaping {
+        option: "frequency",
+        words: "frequency",
+        unit: " Hz",
+        given: |options| options.frequency,
+        own: |info| info.frequency,
+        set: |command, value| command.frequency = value,
+    },
+    Shaping {
+        option: "end-frequency",
+        words: "end frequency",
+        unit: " Hz",
+        given: |options| options.end_frequency,
+        own: |info| info.end_frequency,
+        set: |command, value| command.end_frequency = value,
+    },
+    Shaping {
+        option: "sweep",
+        words: "sweep",
+        unit: " s",
+        given: |options| options.sweep,
+        own: |info| info.sweep,
+        set: |command, value| command.sweep = value,
+    },
+];
+
+/// A command of the table with what the user gives for it, and in words.
+///
+/// # Errors
+/// Usage: an option that the command does not have, or a sweep that takes no time.
+fn shaped(info: &CommandInfo, options: &Options) -> Result<(Command<f64>, String), Failure> {
+    let has = |shaping: &&Shaping| (shaping.own)(info) != 0.0;
+    if let Some(foreign) = SHAPING.iter().find(|shaping| !has(shaping) && (shaping.given)(options).is_some())
+    {
+        let taken: Vec<String> =
+            SHAPING.iter().filter(has).map(|shaping| format!("--{}", shaping.option)).collect();
+        let taken = if taken.is_empty() { "none that shapes it".to_owned() } else { taken.join(", ") };
+        return Err(Failure::usage(format!(
+            "--{}: the command `{}` has no {}, expected {taken}",
+            foreign.option, info.name, foreign.words
+        )));
+    }
+    if let Some(sweep) = options.sweep {
+        positive("sweep", sweep)?;
+    }
+    let mut command = Command::<f64>::new(info);
+    let mut words = info.name.to_owned();
+    for shaping in SHAPING.iter().filter(has) {
+        let value = (shaping.given)(options).unwrap_or((shaping.own)(info));
+        (shaping.set)(&mut command, value);
+        let _ = write!(words, ", {} {value}{}", shaping.words, shaping.unit);
+    }
+    Ok((command, words))
+}
+
 /// What is flown.
 struct Asked {
     excitation: Excitation,
@@ -252,34 +335,19 @@ fn asked(options: &Options, rig: &Rig) -> Result<Asked, Failure> {
                     "--duration {duration} at --period {period}: {samples:e} samples, expected at most {MAX_SAMPLES:e}"
                 )));
             }
-            let mut command = Command::<f64>::new(info);
-            command.amplitude = options.amplitude.unwrap_or(command.amplitude);
-            command.frequency = options.frequency.unwrap_or(command.frequency);
-            command.end_frequency = options.end_frequency.unwrap_or(command.end_frequency);
-            command.sweep =
-                positive("sweep", options.sweep.unwrap_or(if info.sweep > 0.0 { info.sweep } else { 1.0 }))?;
+            let (command, words) = shaped(info, options)?;
             let excitation = Excitation {
                 sample_period: period,
                 command: (0..samples as usize).map(|sample| command.at(sample as f64 * period)).collect(),
                 load: Vec::new(),
                 drive: Vec::new(),
             };
-            let words = format!(
-                "{}, amplitude {}, frequency {} Hz, end frequency {} Hz, sweep {} s",
-                info.name, command.amplitude, command.frequency, command.end_frequency, command.sweep
-            );
             (excitation, words)
         }
         (None, Some(path)) => {
-            let shapes = [
-                ("amplitude", options.amplitude),
-                ("frequency", options.frequency),
-                ("end-frequency", options.end_frequency),
-                ("sweep", options.sweep),
-                ("duration", options.duration),
-                ("period", options.period),
-            ];
-            if let Some((name, _)) = shapes.iter().find(|(_, value)| value.is_some()) {
+            let shapes = SHAPING.iter().map(|shaping| (shaping.option, (shaping.given)(options)));
+            let times = [("duration", options.duration), ("period", options.period)];
+            if let Some((name, _)) = shapes.chain(times).find(|(_, value)| value.is_some()) {
                 return Err(Failure::usage(format!(
                     "--{name} shapes a built-in command: {} is flown as it is",
                     options.command

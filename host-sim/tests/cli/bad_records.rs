@@ -1,6 +1,6 @@
 //! Bad input data: one message with file, line and column, exit code 3, nothing half written.
 
-use super::harness::{BAD_DATA, Bench};
+use super::harness::{BAD_DATA, Bench, with_cells};
 use std::fmt::Write as _;
 
 const HEADER: &str = "t_s,command_m,lvdt_m";
@@ -123,4 +123,37 @@ fn a_record_without_the_force_that_drives_the_rig_is_refused() {
             &["bad.csv: `drive_N` is missing", "found `command_m`, `lvdt_m`", "force-axis"],
         );
     }
+}
+
+#[test]
+fn a_channel_that_says_nothing_is_left_out() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    let text = bench.read("record.csv");
+    let channels = |name: &str, part: &str| {
+        let run = bench.run(&["import", name, "-o", "out.csv"]).done();
+        assert!(run.stderr.contains(part), "`{part}` is not in: {}", run.stderr);
+        let out = bench.read("out.csv");
+        out.lines().find(|line| line.starts_with("t_s")).expect("a header").to_owned()
+    };
+    assert_eq!(channels("record.csv", "wrote"), "t_s,command_m,lvdt_m,current_mA");
+    for (cell, part) in [
+        ("0", "column `current_mA` (4): not used: it has the same value 0 in every sample"),
+        ("", "column `current_mA` (4): not used: it has no value"),
+    ] {
+        bench.write("dead.csv", &with_cells(&text, "current_mA", |_, _| cell.to_owned()));
+        assert_eq!(channels("dead.csv", part), "t_s,command_m,lvdt_m");
+    }
+    // The position is not left out.
+    bench.write("dead.csv", &with_cells(&text, "lvdt_m", |_, _| String::new()));
+    bench.run(&["import", "dead.csv", "-o", "out.csv"]).refused(BAD_DATA, &["lvdt_m", "found no value"]);
+}
+
+#[test]
+fn a_segment_without_samples_tells_where_the_record_is() {
+    let bench = Bench::new();
+    bench.write("record.csv", &record(100, |k| row(k + 5000)));
+    let run = bench.run(&["check", "record.csv", "--from", "0.2", "--to", "0.9"]);
+    run.refused(BAD_DATA, &["found 0 samples in the segment", "from 5 s to 5.099 s"]);
+    bench.run(&["import", "record.csv", "--from", "5.01", "-o", "out.csv"]).done();
 }

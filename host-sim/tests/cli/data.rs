@@ -87,7 +87,7 @@ fn a_window_of_a_record_is_a_record() {
         .refused(USAGE, &["--from 0.7 --to 0.2"]);
     bench
         .run(&["identify", "record.csv", "--from", "0.98"])
-        .refused(BAD_DATA, &["samples, expected at least 50"]);
+        .refused(BAD_DATA, &["in the segment, expected at least 50: the record goes from 0 s to 1 s"]);
     // A segment of each file for itself: one half fitted, the other held out.
     let result = bench.run(&["check", "record.csv@0.2..0.7", "record.csv@..0.3", "--json"]).done().json();
     assert_eq!(result["records"][0]["samples"], 500);

@@ -33,6 +33,28 @@ fn result(mut child: Child) -> Value {
 }
 
 #[test]
+fn a_calibration_writes_what_it_has_found_but_no_rig() {
+    let bench = Bench::new();
+    bench.simulate(
+        "long.csv",
+        &["--model", "lf", "--command", "sine", "--duration", "20", "--noise", "lvdt_m=5e-6"],
+    );
+    bench.write("slow.toml", "[parameters]\nmetering_blend = 1.0\n");
+    let options = ["--rig", "slow.toml", "--bounds", "fdj=200..4000", "--json", "--out", "found"];
+    let mut child = start(&bench, &[&["calibrate"][..], &["long.csv"; 10], &options].concat());
+    std::thread::sleep(Duration::from_millis(1500));
+    interrupt(&child);
+    let mut log = child.stderr.take().expect("a pipe");
+    let result = result(child);
+    assert_eq!(result["stop"], "interrupted", "{result}");
+    assert!(bench.path("found/report.html").exists() && bench.path("found/calibrate.json").exists());
+    assert!(!bench.path("found/rig.toml").exists());
+    let mut text = String::new();
+    log.read_to_string(&mut text).expect("text");
+    assert!(text.contains("rig.toml is not written"), "{text}");
+}
+
+#[test]
 fn an_identification_gives_what_it_has_found() {
     let bench = Bench::new();
     bench.simulate(

@@ -185,3 +185,17 @@ mod linux {
         assert_eq!(bench.read("log"), format!("before\n{}", bench.read("target.csv")));
     }
 }
+
+#[test]
+fn a_record_is_written_as_its_name_ends() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    bench.run(&["import", "record.csv", "-o", "record.parquet"]).done();
+    assert!(std::fs::read(bench.path("record.parquet")).expect("a file").starts_with(b"PAR1"));
+    bench.run(&["import", "record.parquet", "-o", "again.csv"]).done();
+    let rows = |name: &str| {
+        let text = bench.read(name);
+        text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert_eq!(rows("again.csv"), rows("record.csv"));
+}

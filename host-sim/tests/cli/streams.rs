@@ -61,3 +61,24 @@ fn a_closed_pipe_ends_the_program_quietly() {
         assert!(output.status.success(), "{arguments:?}: {:?}", output.status);
     }
 }
+
+#[test]
+fn a_record_may_come_on_stdin() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    let run = |name: &str| {
+        let input = std::fs::File::open(bench.path(name)).expect("a file");
+        let output = bench.command(&["import", "-"]).stdin(input).output().expect("the program starts");
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("text");
+        (output.status.code(), text(output.stdout), text(output.stderr))
+    };
+    let rows = |text: &str| {
+        text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect::<Vec<_>>()
+    };
+    let (code, found, _) = run("record.csv");
+    assert_eq!((code, rows(&found)), (Some(0), rows(&bench.read("record.csv"))));
+    bench.write("bad.csv", "t_s,command_m,lvdt_m\n0,1,x\n");
+    let (code, found, error) = run("bad.csv");
+    assert_eq!((code, found.as_str()), (Some(3), ""));
+    assert!(error.contains("stdin:2: column `lvdt_m` (3)"), "{error}");
+}

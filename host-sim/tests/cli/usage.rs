@@ -18,6 +18,8 @@ fn a_wrong_name_gets_a_suggestion() {
         (&["identify", "record.csv", "--rig", "servo-hydraulics"], &["did you mean `servo-hydraulic`"]),
         (&["identify", "record.csv", "--bounds", "bkk=0..1"], &["`bkk`", "did you mean `bkl`"]),
         (&["identify", "record.csv", "--seeed", "1"], &["--seed"]),
+        (&["simulate", "--set", "blk=3"], &["`blk`; did you mean `bkl`"]),
+        (&["identify", "record.csv", "--truth", "mass=3"], &["unknown parameter `mass`\n"]),
         (&["simulate", "--set", "GMM=1"], &["`GMM`", "did you mean `GM`"]),
         (&["simulate", "--command", "chrip"], &["`chrip`", "did you mean `chirp`"]),
         (&["simulate", "--effect", "spool-overlop=1e-6"], &["did you mean `spool-overlap`"]),
@@ -39,6 +41,7 @@ fn a_wrong_value_is_named_with_what_was_expected() {
         (&["identify", "record.csv", "--bounds", "bkl=5..1"], &["5 to 1 of `bkl`", "lower < upper"]),
         (&["identify", "record.csv", "--bounds", "bkl=0..nan"], &["`bkl`"]),
         (&["identify", "record.csv", "--bounds", "bkl=0"], &["NAME=LOW..HIGH"]),
+        (&["identify", "record.csv", "--truth", "bkl=2e-4,bkl=3e-4"], &["`bkl` is given twice"]),
         (&["identify", "record.csv", "--truth", "bkl=2"], &["`bkl` = 2: expected 0 to", " m\n"]),
         (&["identify", "record.csv", "--population", "3"], &["4..=64"]),
         (&["identify", "record.csv", "--budget", "0"], &["--budget"]),
@@ -57,6 +60,15 @@ fn a_wrong_value_is_named_with_what_was_expected() {
         (&["simulate", "--load", "constant:5:6"], &["constant:N"]),
         (&["simulate", "--effect", "sensor-delay=0.05"], &["`sensor_delay` = 0.05", "at most 0.031 s"]),
         (&["simulate", "--command", "record.csv", "--duration", "2"], &["--duration", "record.csv is flown"]),
+        (&["rigs", "--out", "x"], &["--out x", "writes no files"]),
+        (&["effects", "--out", "x"], &["--out x"]),
+        (&["commands", "--out", "x"], &["--out x"]),
+        (&["import", "record.csv", "-o", "x.mat"], &["x.mat", ".csv or .parquet"]),
+        (&["identify", "record.csv", "--trace", "x.txt"], &["x.txt", ".csv or .parquet"]),
+        (
+            &["diagnose", "record.csv", "--holdout", "record.csv", "--prediction", "x.xlsx"],
+            &["x.xlsx", ".csv or .parquet"],
+        ),
         (&["demo", "--rig", "eha"], &["--rig eha", "expected no other"]),
         (&["reproduce", "--rig", "force-axis"], &["`force-axis` is driven by a force"]),
         (&["hil", "record.csv", "--seconds", "2"], &["--seconds"]),
@@ -111,4 +123,49 @@ fn the_help_states_the_exit_codes() {
         assert!(help.contains(part), "{help}");
     }
     assert!(bench.run(&["--version"]).done().stdout.contains(env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn a_command_takes_the_options_that_shape_it() {
+    let bench = Bench::new();
+    let short = ["simulate", "--model", "lf", "--step", "1e-4", "--duration", "0.1", "-o", "record.csv"];
+    for (arguments, part) in [
+        (
+            &["--command", "mixed", "--amplitude", "3"][..],
+            "--amplitude: the command `mixed` has no amplitude, expected none",
+        ),
+        (
+            &["--command", "step", "--frequency", "5"],
+            "the command `step` has no frequency, expected --amplitude",
+        ),
+        (&["--command", "ramp", "--frequency", "3"], "the command `ramp` has no frequency"),
+        (
+            &["--command", "sine", "--sweep", "5"],
+            "the command `sine` has no sweep, expected --amplitude, --frequency",
+        ),
+        (&["--command", "sine", "--end-frequency", "3"], "the command `sine` has no end frequency"),
+    ] {
+        bench.run(&[&short[..], arguments].concat()).refused(USAGE, &[part]);
+    }
+    assert!(bench.files().is_empty());
+    for (arguments, words) in [
+        (&["--command", "step", "--amplitude", "0.002"][..], "command step, amplitude 0.002\n"),
+        (
+            &["--command", "chirp", "--sweep", "2", "--end-frequency", "3"],
+            "command chirp, amplitude 0.01, frequency 0.1 Hz, end frequency 3 Hz, sweep 2 s\n",
+        ),
+    ] {
+        bench.run(&[&short[..], arguments].concat()).done();
+        assert!(bench.read("record.csv").contains(words), "{}", bench.read("record.csv"));
+    }
+}
+
+#[test]
+fn a_record_that_no_option_makes_is_refused_without_options_of_other_verbs() {
+    let bench = Bench::new();
+    for arguments in [&["--command", "sine", "--amplitude", "10"][..], &["--load", "constant:1e12"]] {
+        let run = bench.run(&[&["simulate", "--model", "lf", "--step", "1e-4"][..], arguments].concat());
+        let run = run.refused(USAGE, &["found a magnitude of"]);
+        assert!(!run.stderr.contains("--columns"), "{}", run.stderr);
+    }
 }

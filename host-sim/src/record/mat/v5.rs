@@ -22,7 +22,9 @@ const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
 
 /// Classes of arrays.
+const CLASS_CELL: u8 = 1;
 const CLASS_STRUCTURE: u8 = 2;
+const CLASS_TEXT: u8 = 4;
 const CLASS_NUMERIC: std::ops::RangeInclusive<u8> = 6..=15;
 const CLASS_SINGLE: u8 = 7;
 const CLASS_OPAQUE: u8 = 17;
@@ -167,7 +169,9 @@ impl Element<'_> {
         let node = match class {
             CLASS_STRUCTURE if count == Some(1) => input.structure(depth)?,
             CLASS_STRUCTURE => other("an array of structures"),
-            class if !CLASS_NUMERIC.contains(&class) => other("text, cells, sparse or other data"),
+            CLASS_CELL => other("a cell array"),
+            CLASS_TEXT => other("text"),
+            class if !CLASS_NUMERIC.contains(&class) => other("a sparse array or other data"),
             _ if flags & FLAG_COMPLEX != 0 => other("complex numbers"),
             class => {
                 let data = input.element()?;

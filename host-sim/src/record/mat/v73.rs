@@ -54,8 +54,11 @@ fn read(dataset: &Dataset) -> Result<Variable, String> {
     if attributes.contains_key(EMPTY) {
         return other("an empty array");
     }
-    if let Some(class @ ("char" | "cell" | "string" | "function_handle")) = class {
-        return other(&format!("data of the class {class}"));
+    match class {
+        Some("cell") => return other("a cell array"),
+        Some("char") => return other("text"),
+        Some(class @ ("string" | "function_handle")) => return other(&format!("data of the class {class}")),
+        _ => {}
     }
     let single = match dataset.dtype().map_err(failed)? {
         DType::F32 => true,
