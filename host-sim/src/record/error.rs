@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::MIN_SAMPLES;
 use super::plausible::Suspicion;
 use crate::output::plain;
 
@@ -123,7 +124,7 @@ pub enum Problem {
         /// Samples.
         samples: usize,
     },
-    /// Fewer samples than [`MIN_SAMPLES`](super::MIN_SAMPLES).
+    /// Fewer samples than [`MIN_SAMPLES`].
     TooFewSamples(usize),
     /// Fewer samples in the segment that is asked for, of a record that has enough.
     ShortSegment {
@@ -246,16 +247,12 @@ impl fmt::Display for Problem {
             ),
             Self::TooManyBlanks { blank, samples } => write!(
                 f,
-                "found no value in {blank} of {samples} samples, expected at least {} values",
-                super::MIN_SAMPLES
+                "found no value in {blank} of {samples} samples, expected at least {MIN_SAMPLES} values"
             ),
-            Self::TooFewSamples(found) => {
-                write!(f, "found {found} samples, expected at least {}", super::MIN_SAMPLES)
-            }
+            Self::TooFewSamples(found) => write!(f, "found {found} samples, expected at least {MIN_SAMPLES}"),
             Self::ShortSegment { found, first, last } => write!(
                 f,
-                "found {found} samples in the segment, expected at least {}: the record goes from {} s to {} s",
-                super::MIN_SAMPLES,
+                "found {found} samples in the segment, expected at least {MIN_SAMPLES}: the record goes from {} s to {} s",
                 in_full(*first),
                 in_full(*last)
             ),

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use parquet::basic::{Compression, ConvertedType, LogicalType, TimeUnit, Type as PhysicalType};
 use parquet::errors::ParquetError;
-use parquet::file::metadata::{KeyValue, ParquetMetaData};
+use parquet::file::metadata::{ColumnChunkMetaData, KeyValue, ParquetMetaData, RowGroupMetaData};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field as Cell;
 use parquet::schema::types::Type;
@@ -164,8 +164,8 @@ fn check_compressions(metadata: &ParquetMetaData) -> Result<(), Problem> {
             Compression::UNCOMPRESSED | Compression::SNAPPY | Compression::GZIP(_) | Compression::ZSTD(_)
         )
     };
-    let mut compressions =
-        metadata.row_groups().iter().flat_map(|group| group.columns()).map(|column| column.compression());
+    let columns = metadata.row_groups().iter().flat_map(RowGroupMetaData::columns);
+    let mut compressions = columns.map(ColumnChunkMetaData::compression);
     match compressions.find(|compression| !is_built_in(compression)) {
         None => Ok(()),
         Some(found) => {
