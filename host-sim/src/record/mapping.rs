@@ -121,7 +121,8 @@ impl Mapping {
 
     /// Every channel that `find` knows by name, in the order of the channel table.
     ///
-    /// `present` are the names to list if a channel that must be there is not, `offered` those that can be read. Time need not be there with a `rate`.
+    /// `present` are the names to list if a channel that must be there is not, `offered` those that can be read. Time need
+    /// not be there with a `rate`.
     pub(super) fn resolve<T>(
         &self,
         rate: bool,
