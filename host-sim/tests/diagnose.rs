@@ -461,7 +461,7 @@ fn intervals_hold_the_faults_of_steps_that_may_be_between_samples() {
         assert!((low..=high).contains(&FDJ), "{low} to {high}");
         (high - low) / fault(&result, "fdj").1
     };
-    let (coarse, fine) = (width(2e-5), width(1e-6));
+    let (coarse, fine) = (width(1e-5), width(1e-6));
     assert!(coarse > 1.05 * 3.92, "{coarse}");
     assert!((fine / 3.92 - 1.0).abs() < 1e-6, "{fine}");
 }

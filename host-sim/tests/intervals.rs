@@ -1,10 +1,13 @@
-//! What the intervals of the faults hold besides noise: records of a program that steps as the source does.
+//! What the intervals of the faults hold besides what the curvature at the fit makes of noise: the steps of a program, and
+//! valleys with many bottoms.
 
 use eha_monitor::channel::Channel;
-use host_sim::fit::{self, Prepared};
+use eha_monitor::fit::identify::StopReason;
+use host_sim::fit::{self, Fit, FitSettings, Prepared};
 use host_sim::record::Record;
 use host_sim::rig::Rig;
-use reference_plant::{Command, Plant, Rule, SAMPLE_PERIOD};
+use reference_plant::{Command, Gauss, Plant, Rule, SAMPLE_PERIOD};
+use std::f64::consts::TAU;
 
 const NOISE: f64 = 1.5e-6;
 const TRUTH: [f64; 2] = [4e-4, 250.0];
@@ -41,4 +44,59 @@ fn intervals_hold_what_the_steps_of_the_source_look_like() {
     // What noise alone would have said, and steps that are no error.
     assert!(error > 1.96 * by_noise, "{error} N");
     assert!(own_error < 0.5 * own_noise, "{own_error} N");
+}
+
+/// Records of a ram that stops and starts slowly: chi-square has many small bottoms along a valley that is far wider than
+/// any of them.
+const ACTUATORS: u32 = 20;
+const SLOW_NOISE: f64 = 7e-6;
+/// Of the intervals that say that they hold the truth in 95 of 100 cases, what must and what may hold it.
+const MOST_HELD_BY_CURVATURE: f64 = 0.6;
+const LEAST_HELD: f64 = 0.85;
+
+/// Backlash, m, and friction, N, of one of them, and its noisy position over a slow ramp and a cosine.
+fn slow(rig: &Rig, actuator: u32) -> ([f64; 2], Prepared) {
+    let mut plant = Plant::default();
+    let truth = [2.1e-4 + 2e-6 * f64::from(actuator), 990.0 + 14.0 * f64::from(actuator)];
+    [plant.parameters.backlash, plant.parameters.jack_friction] = truth;
+    plant.parameters.spool_sticks_below_breakaway = true;
+    let command = |sample: u16| match f64::from(sample) * SAMPLE_PERIOD {
+        time if time < 1.1 => 9e-3 * time / 1.1,
+        time => 5e-3 + 4e-3 * (TAU * (time - 1.1) / 0.4).cos(),
+    };
+    let data = plant.record(&Command::Sampled((0..3800).map(command).collect(), SAMPLE_PERIOD), 3800);
+    let mut noise = Gauss::new(u64::from(actuator));
+    let position = data.lvdt.iter().map(|position| position + SLOW_NOISE * noise.draw()).collect();
+    let channels = vec![(Channel::Command, data.command), (Channel::UserPosition, position)];
+    let record = Record::new("slow", SAMPLE_PERIOD, 0.0, channels).unwrap();
+    (truth, fit::prepare_with(rig, &record, [SLOW_NOISE; Channel::MEASURED.len()]))
+}
+
+#[test]
+fn intervals_hold_what_a_valley_with_many_bottoms_leaves_open() {
+    let rig = Rig::load("eha").unwrap().with_sticking_spool().unwrap();
+    let ranges = rig.declared();
+    let (mut by_curvature, mut held, mut of_all) = (0, 0, 0);
+    for actuator in 0..ACTUATORS {
+        let (truth, record) = slow(&rig, actuator);
+        let records = [record];
+        let settings = FitSettings::default();
+        let first = fit::fit(&rig, &ranges, &records, &settings, |_| {});
+        let settled = fit::fit_from_seeds(&rig, &ranges, &records, &settings, 1, |_| {});
+        assert_eq!(first.stop, StopReason::NoiseReached, "actuator {actuator}");
+        assert!(settled.misfit.chi_square <= first.misfit.chi_square, "actuator {actuator}");
+        for (fault, truth) in truth.iter().enumerate() {
+            let holds = |fit: &Fit| {
+                let [low, high] = fit.estimates[fault].ci95;
+                u32::from((low..=high).contains(truth))
+            };
+            by_curvature += holds(&first);
+            held += holds(&settled);
+            of_all += 1;
+        }
+    }
+    println!("the truth is in {held} of {of_all} intervals, in {by_curvature} by the curvature alone");
+    let share = |count: u32| f64::from(count) / f64::from(of_all);
+    assert!(share(held) > LEAST_HELD, "{held} of {of_all}");
+    assert!(share(by_curvature) < MOST_HELD_BY_CURVATURE, "{by_curvature} of {of_all}");
 }

@@ -5,6 +5,7 @@ use super::diagnosis::Diagnosis;
 use super::hypothesis::{self, Hypothesis};
 use super::jumps::{Jumps, Timed};
 use super::readings::{Answer, Declared, diagnose_in_noise};
+use super::search::GROWING_SHARE;
 use crate::fit::{self, Estimate, FitSettings, Reading, TOLD_APART};
 use crate::interrupt;
 use crate::rig::CommandPath;
@@ -71,7 +72,15 @@ impl Jumping {
         };
         let found = &without.model;
         let asked = Some(without.to_be_timed()).filter(|asked| !asked.same_effects(found));
-        let models = iter::once(found).chain(asked).filter(|model| !model.added.is_empty());
+        // Where nothing explains the records, and no times of the jumps take away much of that, they are not what is missing.
+        let may_explain = |model: &&Hypothesis| {
+            let rig = rig.with_spool_of(&model.rig);
+            let there = curved.under(&rig);
+            let shown = || jumps.at_best_for(&model.refitted(&there), &there);
+            !without.is_unexplained() || shown().share_of(model) >= GROWING_SHARE
+        };
+        let models =
+            iter::once(found).chain(asked).filter(|model| !model.added.is_empty()).filter(may_explain);
         curved.progress.begin("timing the jumps beside what was found", [0.0, 0.3]);
         let timed: Vec<Timed> = iter::once(alone.clone()).chain(models.map(beside)).collect();
         let scale = timed.iter().map(|timed| timed.model.scale()).fold(found.scale(), f64::min);
@@ -84,7 +93,8 @@ impl Jumping {
         if gain.abs() <= TOLD_APART && found.same_effects(&best.model) {
             return Between::Open(best.model.estimates(&best.case(curved), None));
         }
-        if gain <= TOLD_APART {
+        let explains_little = without.is_unexplained() && best.model.share_of(found) < GROWING_SHARE;
+        if gain <= TOLD_APART || explains_little {
             return Between::No;
         }
         let mut turn = 1;

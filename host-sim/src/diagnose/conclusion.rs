@@ -11,10 +11,12 @@ use crate::rig::Rig;
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
+use rayon::prelude::*;
 use std::iter;
 
-/// An empirical term is there to predict: as long as the held-out records, or the fitted ones where none are held out, are
-/// predicted worse than without any, the weakest is dropped.
+/// An empirical term is there to predict. One that the fitted records say nothing of is dropped; as long as the held-out
+/// records, or the fitted ones where none are held out, are predicted worse than without any, the weakest; and then each
+/// without which they are predicted better.
 pub(super) fn helpful(
     case: &Case<'_>,
     before: &Fit,
@@ -24,10 +26,23 @@ pub(super) fn helpful(
     let predicted = if case.holdout().is_empty() { case.train() } else { case.holdout() };
     let error = |rig: &Rig| score(rig, predicted).position_rms;
     let without_any = error(&before.applied(case.rig));
-    while error(&model.rig) > without_any {
-        let weakest = (0..earned.len()).min_by(|&a, &b| earned[a].evidence.total_cmp(&earned[b].evidence));
-        let Some(weakest) = weakest else { break };
-        model = model.without(case, earned.remove(weakest).effect);
+    loop {
+        let untold = earned.iter().position(|earned| !model.is_told(earned.effect));
+        let weakest = || (0..earned.len()).min_by(|&a, &b| earned[a].evidence.total_cmp(&earned[b].evidence));
+        let is_worse = || error(&model.rig) > without_any;
+        let Some(dropped) = untold.or_else(|| weakest().filter(|_| is_worse())) else { break };
+        model = model.without(case, earned.remove(dropped).effect);
+    }
+    while !earned.is_empty() {
+        let without = |index: usize| {
+            let model = model.without(case, earned[index].effect);
+            (error(&model.rig), index, model)
+        };
+        let best = (0..earned.len()).into_par_iter().map(without).min_by(|(a, ..), (b, ..)| a.total_cmp(b));
+        let better = best.filter(|(without, ..)| *without < error(&model.rig));
+        let Some((_, index, smaller)) = better else { break };
+        model = smaller;
+        earned.remove(index);
     }
     (model, earned)
 }
@@ -86,10 +101,11 @@ pub(super) fn conclude(
             Fault { estimate, confounded_with: open.confounded[index].clone() }
         })
         .collect();
-    let foretold = || case.is_noise_left_of(case.holdout(), &fit::predict(&best.rig, case.holdout()));
-    let is_open = noise_only && !foretold();
-    let left = (!noise_only).then(|| residual::describe(&case.train()[0], &predictions[0]));
     let bare = before.applied(case.rig);
+    let foretells = |rig: &Rig| case.is_noise_left_of(case.holdout(), &fit::predict(rig, case.holdout()));
+    // A model of which nothing but the place was told by the held-out records foretells them.
+    let is_open = noise_only && !(foretells(&best.rig) && (!earned.is_empty() || foretells(&bare)));
+    let left = (!noise_only).then(|| residual::describe(&case.train()[0], &predictions[0]));
     let scores = |records: &[Prepared]| [score(&bare, records), score(&best.rig, records)];
     Diagnosis {
         verdict,

@@ -5,7 +5,7 @@ use super::candidate::{self, Candidate, Prospect};
 use super::place::{self, Place};
 use super::signature::Signatures;
 use super::weighing::Earned;
-use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, FitSettings, Polished, TOLD_APART};
+use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, FitSettings, Polished, TOLD_APART, Valley};
 use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
@@ -60,18 +60,14 @@ pub(super) struct Hypothesis {
     pub(super) added: Vec<&'static EffectInfo>,
     /// What the linear model around it says of every other effect, once it was asked.
     prospects: OnceLock<Vec<Prospect>>,
+    /// How far the fitted records leave its faults open, once that was asked.
+    valley: OnceLock<Valley>,
 }
 
 impl Hypothesis {
     /// The model with the declared faults alone, as it was fitted to the records of the case or to longer ones.
     pub(super) fn root(case: &Case<'_>, fit: &Fit, ranges: Vec<Range>) -> Self {
-        let train = Polished {
-            values: fit.estimates.iter().map(|estimate| estimate.value).collect(),
-            misfit: fit.misfit,
-            covariance: fit.covariance.clone(),
-        };
-        let rig = fit.applied(case.rig);
-        Self::validated(case, rig, ranges, train, Vec::new())
+        Self::validated(case, fit.applied(case.rig), ranges, fit.polished(), Vec::new())
     }
 
     /// Fits the held-out records as well. Where that leads to a valley that the fitted records alone like better than
@@ -108,12 +104,31 @@ impl Hypothesis {
         added: Vec<&'static EffectInfo>,
     ) -> Self {
         let predictions = fit::predict(&joint.applied(&rig, &ranges), case.records);
-        Self { rig, ranges, train, joint, predictions, added, prospects: OnceLock::new() }
+        Self {
+            rig,
+            ranges,
+            train,
+            joint,
+            predictions,
+            added,
+            prospects: OnceLock::new(),
+            valley: OnceLock::new(),
+        }
     }
 
     /// This model fitted to the records of another case, of which its own are a part or which are a part of its own.
     pub(super) fn refitted(&self, case: &Case<'_>) -> Self {
         self.refitted_from(self.train.values.clone(), case)
+    }
+
+    /// This model with the values that it has, to the records of another case.
+    pub(super) fn taken_to(&self, case: &Case<'_>) -> Self {
+        let there = |fit: &Polished, records| {
+            let misfit = fit::misfit(&self.rig, &self.ranges, &fit.values, records);
+            Polished { misfit, ..fit.clone() }
+        };
+        let fits = [there(&self.train, case.train()), there(&self.joint, case.records)];
+        Self::of(case, self.rig.clone(), self.ranges.clone(), fits, self.added.clone())
     }
 
     /// The same from other values than its own.
@@ -185,7 +200,13 @@ impl Hypothesis {
             case.timed.and_then(|timed| timed.jumps.cost(&self.rig, &self.ranges, &self.train, case.train()));
         let widening = cost.map_or_else(|| vec![1.0; errors.len()], |cost| cost.widening);
         let values = self.ranges.iter().zip(&self.train.values).zip(iter::zip(errors, widening));
-        values.map(|((range, &value), (error, wider))| Estimate::new(range, value, wider * error)).collect()
+        let mut estimates: Vec<Estimate> = values
+            .map(|((range, &value), (error, wider))| Estimate::new(range, value, wider * error))
+            .collect();
+        if inflation.is_none() {
+            self.valley(case).widen(&mut estimates[..case.rig.faults.len()]);
+        }
+        estimates
     }
 
     /// The effect that was added last.
@@ -195,6 +216,34 @@ impl Hypothesis {
 
     pub(super) fn same_effects(&self, other: &Self) -> bool {
         self.added.len() == other.added.len() && self.added.iter().all(|effect| other.has(effect))
+    }
+
+    /// How far the fitted records leave its faults open; they are those that the model was made with, and it leaves noise
+    /// of them.
+    fn valley(&self, case: &Case<'_>) -> &Valley {
+        self.valley.get_or_init(|| {
+            let faults = case.rig.faults.len();
+            Valley::around(&self.rig, &self.ranges, &self.train, case.train(), faults)
+        })
+    }
+
+    /// The same at the bottom of its valley, where that leaves no more of all records, or far less of the fitted ones.
+    pub(super) fn settled(self, case: &Case<'_>) -> Self {
+        let bottom = self.valley(case).bottom.clone();
+        self.at_lower(case, bottom).unwrap_or(self)
+    }
+
+    /// The same with a lower fit of the fitted records, where that leaves no more of all records, or far less of the fitted
+    /// ones.
+    fn at_lower(&self, case: &Case<'_>, train: Polished) -> Option<Self> {
+        let gain = self.train.misfit.chi_square - train.misfit.chi_square;
+        if gain < BETTER_VALLEY {
+            return None;
+        }
+        let rig = train.applied(&self.rig, &self.ranges);
+        let lower = Self::validated(case, rig, self.ranges.clone(), train, self.added.clone());
+        let is_better = gain > TOLD_APART || lower.joint.misfit.chi_square <= self.joint.misfit.chi_square;
+        is_better.then_some(lower)
     }
 
     /// Is what the joint fit leaves just noise, in every record?
@@ -225,12 +274,21 @@ impl Hypothesis {
 
     /// For each declared fault, the effects whose presence would leave it undetermined.
     pub(super) fn confounded(&self, case: &Case<'_>) -> Vec<Vec<&'static EffectInfo>> {
-        let prospects = self.prospects(case);
-        let confounded_with = |fault: usize| {
-            let mixed_up = |prospect: &&Prospect| self.confuses(case, prospect).nth(fault) == Some(true);
-            prospects.iter().filter(mixed_up).map(|prospect| prospect.effect).collect()
+        let faults = 0..case.rig.faults.len();
+        let own = |fault| {
+            let error = self.train.standard_error(fault);
+            Estimate::new(&self.ranges[fault], self.train.values[fault], error)
         };
-        (0..case.rig.faults.len()).map(confounded_with).collect()
+        let mut estimates: Vec<Estimate> = faults.clone().map(own).collect();
+        if within_noise(&self.train.misfit) {
+            self.valley(case).widen(&mut estimates);
+        }
+        let confounded_with = |fault: usize| {
+            let error = CONFOUNDED * estimates[fault].spread();
+            let mixed_up = |prospect: &&Prospect| prospect.foreseen.standard_error(fault) > error;
+            self.prospects(case).iter().filter(mixed_up).map(|prospect| prospect.effect).collect()
+        };
+        faults.map(confounded_with).collect()
     }
 
     /// For each declared fault: would an effect leave it undetermined?
@@ -328,8 +386,21 @@ impl Hypothesis {
         Self::validated(case, candidate.applied(&self.rig), candidate.ranges, candidate.fit, added)
     }
 
+    /// The same where a fit of all records shows a better valley of them. It is that of the fitted ones too where they do
+    /// not tell it from their own.
+    pub(super) fn or_in_valley_of_all(self, case: &Case<'_>, all: &Fit) -> Self {
+        if all.misfit.chi_square > self.joint.misfit.chi_square - BETTER_VALLEY {
+            return self;
+        }
+        let joint = all.polished();
+        let there = fit::polish(&self.rig, &self.ranges, &joint.values, case.train());
+        let is_open = |there: &Polished| there.misfit.chi_square < self.train.misfit.chi_square + TOLD_APART;
+        let train = there.filter(is_open).unwrap_or(self.train);
+        Self::of(case, train.applied(&self.rig, &self.ranges), self.ranges, [train, joint], self.added)
+    }
+
     /// Are the fitted records explained, but not the held-out ones?
-    fn is_in_doubt(&self) -> bool {
+    pub(super) fn is_in_doubt(&self) -> bool {
         let (train, joint) = (&self.train.misfit, &self.joint.misfit);
         let held_out =
             Misfit { chi_square: joint.chi_square - train.chi_square, count: joint.count - train.count };
@@ -354,7 +425,13 @@ impl Hypothesis {
     fn asked_by_all(&self, case: &Case<'_>) -> Vec<Self> {
         let whole = Case { fitted: case.records.len(), ..*case };
         let rig = self.joint.applied(&self.rig, &self.ranges);
-        let of_all = Self { rig, train: self.joint.clone(), prospects: OnceLock::new(), ..self.clone() };
+        let of_all = Self {
+            rig,
+            train: self.joint.clone(),
+            prospects: OnceLock::new(),
+            valley: OnceLock::new(),
+            ..self.clone()
+        };
         let scale = self.scale();
         let is_asked_for = |candidate: &Candidate| {
             let gain = (self.joint.misfit.chi_square - candidate.fit.misfit.chi_square) / scale;
@@ -385,9 +462,7 @@ impl Hypothesis {
         });
         let (values, _) = shown.min_by(|(_, a), (_, b)| a.total_cmp(b))?;
         let train = fit::polish(&self.rig, &self.ranges, values, case.train())?;
-        let is_better = train.misfit.chi_square < self.train.misfit.chi_square - BETTER_VALLEY;
-        let rig = train.applied(&self.rig, &self.ranges);
-        is_better.then(|| Self::validated(case, rig, self.ranges.clone(), train, self.added.clone()))
+        self.at_lower(case, train)
     }
 
     /// The hypotheses with one more effect that the fitted records ask for. Where the fits of these show a better
@@ -440,6 +515,12 @@ impl Hypothesis {
                 && known.added.iter().all(|one| one.name != effect.name && self.has(one))
         };
         known.iter().find(is_it)
+    }
+
+    /// Do the fitted records say anything of each parameter of an effect?
+    pub(super) fn is_told(&self, effect: &EffectInfo) -> bool {
+        let of_effect = |index: &usize| effect.parameters.contains(&self.ranges[*index].parameter);
+        (0..self.ranges.len()).filter(of_effect).all(|index| self.train.standard_error(index).is_finite())
     }
 
     /// Is an effect part of the model?

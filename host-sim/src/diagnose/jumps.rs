@@ -186,8 +186,7 @@ impl Jumps {
         let rest: Vec<Prepared> = case.records.iter().map(|record| record.without_jumps(left_out)).collect();
         let without_answers = fitted(&Case { records: &self.in_records(&rest), ..*case });
         // All of them may be as late; or each may be, for itself.
-        let places: Vec<Self> =
-            (0..LOOKS).map(|look| self.all_at((look as f64 + 0.5) / LOOKS as f64)).collect();
+        let places = self.places();
         let apart = |model: &Hypothesis| {
             self.each_at_best_of(&places, model, case).with(case, |case| model.refitted(case))
         };
@@ -205,6 +204,17 @@ impl Jumps {
         let from_together = together.as_ref().map(|together| apart(&together.model));
         let looks = [together, from_together].into_iter().flatten();
         looks.fold(apart(&without_answers), better).settled(case)
+    }
+
+    /// A model as it is, with each jump at the place that suits it best.
+    pub(super) fn at_best_for(&self, model: &Hypothesis, case: &Case<'_>) -> Hypothesis {
+        let jumps = self.each_at_best_of(&self.places(), model, case);
+        jumps.with(case, |case| model.taken_to(case)).model
+    }
+
+    /// All of them at some places, as late as each other.
+    fn places(&self) -> Vec<Self> {
+        (0..LOOKS).map(|look| self.all_at((look as f64 + 0.5) / LOOKS as f64)).collect()
     }
 
     fn all_at(&self, share: f64) -> Self {

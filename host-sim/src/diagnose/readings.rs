@@ -144,7 +144,14 @@ impl Declared {
         let fit = fit::fit_from_seeds(case.rig, &ranges, case.train(), settings, seeds, |standing| {
             case.progress.searched(standing);
         });
-        let root = Hypothesis::root(case, &fit, ranges);
+        let mut root = Hypothesis::root(case, &fit, ranges);
+        if root.is_in_doubt() {
+            let all =
+                fit::fit_from_seeds(case.rig, &root.ranges, case.records, settings, seeds, |standing| {
+                    case.progress.searched(standing);
+                });
+            root = root.or_in_valley_of_all(case, &all);
+        }
         Self { fit, root, begun: OnceCell::new() }
     }
 
@@ -178,6 +185,7 @@ fn diagnose_from(case: &Case<'_>, declared: Declared, settings: &FitSettings) ->
     }
     case.progress.begin("looking for what is mixed up with a fault", [0.95, 1.0]);
     let whole = if in_excerpts { sound.best.refitted(case) } else { sound.best.clone() };
+    let whole = if whole.leaves_noise(case) { whole.settled(case) } else { whole };
     let named = whole.is_name(case, &before.misfit);
     let confounded = sound.best.confounded(&searched);
     let (whole, earned, stand_ins) = if named {

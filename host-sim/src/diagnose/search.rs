@@ -16,7 +16,7 @@ const MOST_EXPLAINED: usize = 3;
 const BEAM: usize = 3;
 /// Share of the misfit beyond noise that another effect must take away for a further one to be tried beside it. What is
 /// left is coloured; of one that swings some hundred times, the best of the catalogue takes a tenth by chance.
-const GROWING_SHARE: f64 = 0.1;
+pub(super) const GROWING_SHARE: f64 = 0.1;
 
 /// The model with the declared faults alone, and those with one effect that its records ask for: what a reading of them is
 /// judged by before more is known.

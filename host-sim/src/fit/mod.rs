@@ -11,6 +11,7 @@ mod periodogram;
 mod polish;
 mod prepare;
 mod systematic;
+mod valley;
 mod visits;
 
 pub use bounds::{Bounds, remarks};
@@ -27,6 +28,7 @@ pub use periodogram::periodograms;
 pub use polish::{Polished, approach, foresee, misfit, misfit_within, polish};
 pub use prepare::{Prepared, prepare, prepare_with};
 pub use systematic::standard_errors;
+pub use valley::Valley;
 pub use visits::Visit;
 
 use crate::interrupt;
@@ -49,6 +51,9 @@ pub const MAX_FREE: usize = 16;
 /// Most members of a population.
 pub const MAX_POPULATION: usize = 64;
 
+/// Standard errors to each side that hold the true value in 95 of 100 cases.
+const OF_95: f64 = 1.96;
+
 /// Fall of chi-square from which a valley is another one.
 pub const BETTER_VALLEY: f64 = 1.0;
 
@@ -58,6 +63,9 @@ pub const TOLD_APART: f64 = 9.2;
 /// Share of what one reading leaves beyond noise that another must undercut to be taken though it leaves more than noise
 /// itself.
 const SHARE_LEFT: f64 = 0.5;
+
+/// Seeds from which records are searched where the first leaves more than noise.
+const MORE_SEEDS: u64 = 4;
 
 /// How a fit is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,10 +106,15 @@ impl Estimate {
             value,
             standard_error,
             ci95: [
-                (value - 1.96 * standard_error).max(range.lower),
-                (value + 1.96 * standard_error).min(range.upper),
+                (value - OF_95 * standard_error).max(range.lower),
+                (value + OF_95 * standard_error).min(range.upper),
             ],
         }
+    }
+
+    /// The standard error that its interval speaks of, on its wider side.
+    pub fn spread(&self) -> f64 {
+        (self.ci95[1] - self.value).max(self.value - self.ci95[0]) / OF_95
     }
 
     /// Widens the interval to hold that of another estimate, which may be right as well.
@@ -164,6 +177,31 @@ impl Fit {
         Correlation::new(self.estimates.iter().map(|estimate| estimate.parameter), &self.covariance)
     }
 
+    /// The fit at the bottom of its valley, and with the intervals that this leaves open, where it leaves noise.
+    fn settled(self, rig: &Rig, ranges: &[Range], records: &[Prepared]) -> Self {
+        if self.stop != StopReason::NoiseReached {
+            return self;
+        }
+        let valley = Valley::around(rig, ranges, &self.polished(), records, ranges.len());
+        let bottom = &valley.bottom;
+        let mut settled = if bottom.misfit == self.misfit {
+            self
+        } else {
+            on_records(rig, ranges, records, FIT_TOLERANCE, Moved { fit: self, bottom })
+        };
+        valley.widen(&mut settled.estimates);
+        settled
+    }
+
+    /// What a fit without a search would have given there.
+    pub fn polished(&self) -> Polished {
+        Polished {
+            values: self.estimates.iter().map(|estimate| estimate.value).collect(),
+            misfit: self.misfit,
+            covariance: self.covariance.clone(),
+        }
+    }
+
     /// Widens the intervals to hold those of another fit, which may be right as well; does one grow by more than its
     /// standard error?
     fn hold(&mut self, other: &Self) -> bool {
@@ -220,9 +258,24 @@ pub fn fit_from_seeds(
     watch: impl Fn(Standing) + Sync,
 ) -> Fit {
     let first = fit(rig, ranges, records, settings, &watch);
-    if first.stop == StopReason::NoiseReached {
-        return first;
-    }
+    let deepest = if first.stop == StopReason::NoiseReached {
+        first
+    } else {
+        or_from_seeds(first, rig, ranges, records, settings, seeds, watch)
+    };
+    deepest.settled(rig, ranges, records)
+}
+
+/// A fit, or the best of those from more seeds that has a deeper valley.
+fn or_from_seeds(
+    first: Fit,
+    rig: &Rig,
+    ranges: &[Range],
+    records: &[Prepared],
+    settings: &FitSettings,
+    seeds: u64,
+    watch: impl Fn(Standing) + Sync,
+) -> Fit {
     let from = |seed| fit(rig, ranges, records, &FitSettings { seed, ..*settings }, &watch);
     let others: Vec<Fit> =
         (1..seeds).into_par_iter().map(|more| from(settings.seed.wrapping_add(more))).collect();
@@ -281,22 +334,36 @@ pub struct AsRead {
     pub is_open: bool,
 }
 
-/// Fits the ranges to records in every reading that the rig leaves open.
+/// Fits the ranges to records in every reading that the rig leaves open. Where that leaves more than noise in all of them,
+/// each is fitted from more seeds: a search may have ended in a wrong valley.
 pub fn fit_as_read(
     rig: &Rig,
     ranges: &[Range],
     records: &[Prepared],
     settings: &FitSettings,
-    mut watch: impl FnMut(Standing),
+    watch: impl Fn(Standing) + Sync,
 ) -> AsRead {
     let mut fitted: Vec<(Reading, Fit)> = Vec::new();
     for reading in Reading::all(rig, records) {
         if fitted.iter().any(|(_, fit)| fit.interrupted) {
             break;
         }
-        let fit = fit(&reading.rig, ranges, &reading.records, settings, &mut watch);
+        let fit = fit(&reading.rig, ranges, &reading.records, settings, &watch);
         fitted.push((reading, fit));
     }
+    if !fitted.iter().any(|(_, fit)| fit.interrupted || fit.stop == StopReason::NoiseReached) {
+        let deeper = |(reading, first): (Reading, Fit)| {
+            let fit =
+                or_from_seeds(first, &reading.rig, ranges, &reading.records, settings, MORE_SEEDS, &watch);
+            (reading, fit)
+        };
+        fitted = fitted.into_iter().map(deeper).collect();
+    }
+    let settled = |(reading, fit): (Reading, Fit)| {
+        let fit = fit.settled(&reading.rig, ranges, &reading.records);
+        (reading, fit)
+    };
+    let mut fitted: Vec<(Reading, Fit)> = fitted.into_iter().map(settled).collect();
     let misfits: Vec<Misfit<f64>> = fitted.iter().map(|(_, fit)| fit.misfit).collect();
     let mut chosen = speaks_for(&misfits);
     if fitted[chosen].1.interrupted {
@@ -474,6 +541,33 @@ fn search<S: Stepper<f64>>(
         visits,
         reading: 0,
         inflation,
+    }
+}
+
+/// A fit that leaves noise, moved to the bottom of its valley.
+struct Moved<'a> {
+    fit: Fit,
+    bottom: &'a Polished,
+}
+
+impl Job for Moved<'_> {
+    type Output = Fit;
+
+    fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Fit {
+        let Polished { values, misfit, covariance } = self.bottom;
+        let genes = polish::genes_of(problem, values);
+        let of_genes = systematic::covariance_of_genes(problem, covariance);
+        let systematic = systematic::of_genes(problem, &genes, &of_genes, steppers);
+        let predictions = engine::trace(problem, &genes, &mut steppers[0]);
+        Fit {
+            estimates: estimates(problem, &genes, covariance, &systematic),
+            covariance: covariance.clone(),
+            parameters: problem.parameters_of(&genes),
+            misfit: *misfit,
+            residual_rms: noise::residual_rms(problem.records, &predictions),
+            predictions,
+            ..self.fit
+        }
     }
 }
 

@@ -37,14 +37,18 @@ impl Job for Systematic<'_> {
     type Output = Vec<f64>;
 
     fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Vec<f64> {
-        let free = problem.free;
-        let covariance = Covariance::from_fn(|row, column| {
-            let (Some(one), Some(other)) = (free.get(row), free.get(column)) else { return 0.0 };
-            self.fit.covariance[row][column] / (one.range() * other.range())
-        });
+        let covariance = covariance_of_genes(problem, &self.fit.covariance);
         let shifts = of_genes(problem, &genes_of(problem, &self.fit.values), &covariance, steppers);
-        iter::zip(free, shifts).map(|(free, shift)| shift * free.range()).collect()
+        iter::zip(problem.free, shifts).map(|(free, shift)| shift * free.range()).collect()
     }
+}
+
+/// Covariance of the genes from that of the values.
+pub(super) fn covariance_of_genes(problem: &Problem<'_, f64>, of_values: &[Vec<f64>]) -> Covariance {
+    Covariance::from_fn(|row, column| {
+        let (Some(one), Some(other)) = (problem.free.get(row), problem.free.get(column)) else { return 0.0 };
+        of_values[row][column] / (one.range() * other.range())
+    })
 }
 
 /// Standard uncertainty of each gene that comes from the model's own error.
