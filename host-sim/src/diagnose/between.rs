@@ -74,10 +74,12 @@ impl Jumping {
         let asked = Some(without.to_be_timed()).filter(|asked| !asked.same_effects(found));
         // Where nothing explains the records, and no times of the jumps take away much of that, they are not what is missing.
         let may_explain = |model: &&Hypothesis| {
+            if !without.is_unexplained() {
+                return true;
+            }
             let rig = rig.with_spool_of(&model.rig);
             let there = curved.under(&rig);
-            let shown = || jumps.at_best_for(&model.refitted(&there), &there);
-            !without.is_unexplained() || shown().share_of(model) >= GROWING_SHARE
+            jumps.at_best_for(&model.refitted(&there), &there).share_of(model) >= GROWING_SHARE
         };
         let models =
             iter::once(found).chain(asked).filter(|model| !model.added.is_empty()).filter(may_explain);

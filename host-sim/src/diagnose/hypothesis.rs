@@ -291,9 +291,9 @@ impl Hypothesis {
         faults.map(confounded_with).collect()
     }
 
-    /// For each declared fault: would an effect leave it undetermined?
-    fn confuses(&self, case: &Case<'_>, prospect: &Prospect) -> impl Iterator<Item = bool> {
-        (0..case.rig.faults.len()).map(|fault| {
+    /// Would an effect leave a declared fault undetermined?
+    fn confuses(&self, case: &Case<'_>, prospect: &Prospect) -> bool {
+        (0..case.rig.faults.len()).any(|fault| {
             prospect.foreseen.standard_error(fault) > CONFOUNDED * self.train.standard_error(fault)
         })
     }
@@ -306,10 +306,8 @@ impl Hypothesis {
     fn fit_promising(&self, case: &Case<'_>, wanted: f64, others: &[Vec<f64>]) -> Vec<Candidate> {
         let base = self.train.misfit.chi_square;
         let gain = |prospect: &Prospect| base - prospect.foreseen.misfit.chi_square;
-        let (mut asked, mut promising): (Vec<&Prospect>, Vec<&Prospect>) = self
-            .prospects(case)
-            .iter()
-            .partition(|prospect| self.confuses(case, prospect).any(|mixed| mixed));
+        let (mut asked, mut promising): (Vec<&Prospect>, Vec<&Prospect>) =
+            self.prospects(case).iter().partition(|prospect| self.confuses(case, prospect));
         let wanted = promising.iter().copied().map(gain).fold(wanted, f64::max);
         let (is_first, is_noise) = (self.added.is_empty(), within_noise(&self.train.misfit));
         let hides = is_noise && !is_first;

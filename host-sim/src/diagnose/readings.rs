@@ -141,16 +141,14 @@ impl Declared {
     /// The best of searches from so many seeds.
     pub(super) fn from_seeds(case: &Case<'_>, settings: &FitSettings, seeds: u64) -> Self {
         let ranges = case.rig.declared();
-        let fit = fit::fit_from_seeds(case.rig, &ranges, case.train(), settings, seeds, |standing| {
-            case.progress.searched(standing);
-        });
-        let mut root = Hypothesis::root(case, &fit, ranges);
+        let searched = |records| {
+            let watch = |standing| case.progress.searched(standing);
+            fit::fit_from_seeds(case.rig, &ranges, records, settings, seeds, watch)
+        };
+        let fit = searched(case.train());
+        let mut root = Hypothesis::root(case, &fit, ranges.clone());
         if root.is_in_doubt() {
-            let all =
-                fit::fit_from_seeds(case.rig, &root.ranges, case.records, settings, seeds, |standing| {
-                    case.progress.searched(standing);
-                });
-            root = root.or_in_valley_of_all(case, &all);
+            root = root.or_in_valley_of_all(case, &searched(case.records));
         }
         Self { fit, root, begun: OnceCell::new() }
     }
@@ -184,10 +182,10 @@ fn diagnose_from(case: &Case<'_>, declared: Declared, settings: &FitSettings) ->
         before = fit::fit_near(case.rig, ranges, values, case.train(), settings);
     }
     case.progress.begin("looking for what is mixed up with a fault", [0.95, 1.0]);
+    let confounded = sound.best.confounded(&searched);
     let whole = if in_excerpts { sound.best.refitted(case) } else { sound.best.clone() };
     let whole = if whole.leaves_noise(case) { whole.settled(case) } else { whole };
     let named = whole.is_name(case, &before.misfit);
-    let confounded = sound.best.confounded(&searched);
     let (whole, earned, stand_ins) = if named {
         (whole, sound.earned, sound.stand_ins)
     } else {

@@ -52,7 +52,7 @@ pub const MAX_FREE: usize = 16;
 pub const MAX_POPULATION: usize = 64;
 
 /// Standard errors to each side that hold the true value in 95 of 100 cases.
-const OF_95: f64 = 1.96;
+pub const OF_95: f64 = 1.96;
 
 /// Fall of chi-square from which a valley is another one.
 pub const BETTER_VALLEY: f64 = 1.0;
@@ -258,15 +258,10 @@ pub fn fit_from_seeds(
     watch: impl Fn(Standing) + Sync,
 ) -> Fit {
     let first = fit(rig, ranges, records, settings, &watch);
-    let deepest = if first.stop == StopReason::NoiseReached {
-        first
-    } else {
-        or_from_seeds(first, rig, ranges, records, settings, seeds, watch)
-    };
-    deepest.settled(rig, ranges, records)
+    or_from_seeds(first, rig, ranges, records, settings, seeds, watch).settled(rig, ranges, records)
 }
 
-/// A fit, or the best of those from more seeds that has a deeper valley.
+/// A fit; where it leaves more than noise, the one with the deepest valley of it and those from more seeds.
 fn or_from_seeds(
     first: Fit,
     rig: &Rig,
@@ -276,6 +271,9 @@ fn or_from_seeds(
     seeds: u64,
     watch: impl Fn(Standing) + Sync,
 ) -> Fit {
+    if first.stop == StopReason::NoiseReached {
+        return first;
+    }
     let from = |seed| fit(rig, ranges, records, &FitSettings { seed, ..*settings }, &watch);
     let others: Vec<Fit> =
         (1..seeds).into_par_iter().map(|more| from(settings.seed.wrapping_add(more))).collect();
@@ -351,16 +349,12 @@ pub fn fit_as_read(
         let fit = fit(&reading.rig, ranges, &reading.records, settings, &watch);
         fitted.push((reading, fit));
     }
-    if !fitted.iter().any(|(_, fit)| fit.interrupted || fit.stop == StopReason::NoiseReached) {
-        let deeper = |(reading, first): (Reading, Fit)| {
-            let fit =
-                or_from_seeds(first, &reading.rig, ranges, &reading.records, settings, MORE_SEEDS, &watch);
-            (reading, fit)
-        };
-        fitted = fitted.into_iter().map(deeper).collect();
-    }
-    let settled = |(reading, fit): (Reading, Fit)| {
-        let fit = fit.settled(&reading.rig, ranges, &reading.records);
+    let is_known = fitted.iter().any(|(_, fit)| fit.interrupted || fit.stop == StopReason::NoiseReached);
+    let seeds = if is_known { 1 } else { MORE_SEEDS };
+    let settled = |(reading, first): (Reading, Fit)| {
+        let Reading { rig, records } = &reading;
+        let fit = or_from_seeds(first, rig, ranges, records, settings, seeds, &watch);
+        let fit = fit.settled(rig, ranges, records);
         (reading, fit)
     };
     let mut fitted: Vec<(Reading, Fit)> = fitted.into_iter().map(settled).collect();

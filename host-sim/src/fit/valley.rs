@@ -19,8 +19,8 @@ const CLOSED: usize = 3;
 const MOST_PLACES: usize = 13;
 /// How often the distance between the last place that is open and the next is halved then.
 const HALVED: usize = 2;
-/// How often a lower place is gone to.
-const MOST_MOVES: usize = 4;
+/// How often it is walked along its values from a bottom, and a lower place that this shows gone to.
+const MOST_WALKS: usize = 5;
 
 /// The valley around a fit that leaves noise.
 #[derive(Clone)]
@@ -42,7 +42,7 @@ impl Valley {
     /// Walks from a fit along each of its first values, so many, and goes to where that leads down.
     pub fn around(rig: &Rig, ranges: &[Range], fit: &Polished, records: &[Prepared], values: usize) -> Self {
         let mut valley = Self { bottom: fit.clone(), places: Vec::new() };
-        for _ in 0..=MOST_MOVES {
+        for _ in 0..MOST_WALKS {
             let fit = &valley.bottom;
             let walks = (0..values).flat_map(|index| [-1.0, 1.0].map(|side| (index, side)));
             let walks: Vec<_> =

@@ -61,7 +61,7 @@ const FAIR: f64 = 0.1;
 
 /// How well a parameter would be known.
 pub fn grade(range: &Range, standard_error: f64) -> &'static str {
-    let share = 2.0 * 1.96 * standard_error / (range.upper - range.lower);
+    let share = 2.0 * fit::OF_95 * standard_error / (range.upper - range.lower);
     match share {
         _ if share < NARROW => "narrow",
         _ if share < FAIR => "fair",

@@ -2,7 +2,7 @@
 
 use super::plot::{Layer, Plot, Role, heights};
 use super::scale::{Axis, shown};
-use crate::fit::Prepared;
+use crate::fit::{OF_95, Prepared};
 use crate::record::Record;
 use eha_monitor::channel::Channel;
 use eha_monitor::model::state::Outputs;
@@ -136,7 +136,7 @@ fn left(compared: &Compared<'_>, channel: usize, part: &Range<usize>, is_whole: 
     };
     // On top, where a long record would hide a shading.
     let band = if noise.is_finite() {
-        layers.extend([-1.96, 1.96].map(|normal| Layer::Limit(normal * noise)));
+        layers.extend([-OF_95, OF_95].map(|normal| Layer::Limit(normal * noise)));
         format!("Between the lines: 95 % of white noise of {}.", shown(noise, unit))
     } else {
         "No fit looked at this channel.".to_owned()

@@ -7,6 +7,7 @@ use super::rows::{Row, Rows, Shape};
 use super::scale::Axis;
 use super::statistics::{autocorrelation, cross_correlation, motion, present, spectrum};
 use crate::diagnose::residual::MEASURED;
+use crate::fit::OF_95;
 use eha_monitor::channel::Channel;
 use eha_monitor::model::state::Outputs;
 use maud::{Markup, html};
@@ -85,7 +86,7 @@ impl Residuals<'_> {
 
     /// Largest correlation of white residuals in 95 of 100 cases.
     fn band(&self) -> f64 {
-        1.96 / (self.all.first().map_or(1, |all| present(all)).max(1) as f64).sqrt()
+        OF_95 / (self.all.first().map_or(1, |all| present(all)).max(1) as f64).sqrt()
     }
 
     fn spectra(&self, noise: f64, unit: &str) -> Markup {

@@ -2,7 +2,7 @@
 //!
 //! Series are given one for each record; NaN is a sample that is not compared.
 
-use crate::fit;
+use crate::fit::{self, OF_95};
 
 /// A spectrum and what white noise of the same power would show.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,7 +37,7 @@ pub(super) fn spectrum(all: &[Vec<f64>], sample_period: f64, noise: f64) -> Opti
     let level = 2.0 * noise * noise * sample_period;
     Some(Spectrum {
         points,
-        white: [-1.96, 1.96].map(|normal| (level * chi_square_mean(freedom, normal)).sqrt()),
+        white: [-OF_95, OF_95].map(|normal| (level * chi_square_mean(freedom, normal)).sqrt()),
     })
 }
 
