@@ -73,16 +73,16 @@ impl Jumping {
         let found = &without.model;
         let asked = Some(without.to_be_timed()).filter(|asked| !asked.same_effects(found));
         // Where nothing explains the records, and no times of the jumps take away much of that, they are not what is missing.
-        let may_explain = |model: &&Hypothesis| {
-            if !without.is_unexplained() {
-                return true;
-            }
+        let may_explain = |model: &Hypothesis, is_in_it: bool| {
             let rig = rig.with_spool_of(&model.rig);
             let there = curved.under(&rig);
-            jumps.at_best_for(&model.refitted(&there), &there).share_of(model) >= GROWING_SHARE
+            let in_it = if is_in_it { model.clone() } else { model.refitted(&there) };
+            jumps.at_best_for(&in_it, &there).share_of(model) >= GROWING_SHARE
         };
-        let models =
-            iter::once(found).chain(asked).filter(|model| !model.added.is_empty()).filter(may_explain);
+        let is_worth_timing = |model: &&Hypothesis| {
+            !model.added.is_empty() && (!without.is_unexplained() || may_explain(model, false))
+        };
+        let models = iter::once(found).chain(asked).filter(is_worth_timing);
         curved.progress.begin("timing the jumps beside what was found", [0.0, 0.3]);
         let timed: Vec<Timed> = iter::once(alone.clone()).chain(models.map(beside)).collect();
         let scale = timed.iter().map(|timed| timed.model.scale()).fold(found.scale(), f64::min);
@@ -101,12 +101,13 @@ impl Jumping {
         }
         let mut turn = 1;
         loop {
-            let answer = diagnose_in_noise(&best.case(curved).part([0.3, 1.0], ""), settings);
+            let answer = diagnose_in_noise(&best.case(curved).part([0.3, 1.0], "").another(), settings);
             let next = answer.to_be_timed();
             let is_same = next.same_effects(&best.model)
                 && next.rig.has_sticking_spool() == best.model.rig.has_sticking_spool();
             let is_last = turn == MOST_TIMED || is_same || interrupt::requested();
-            let next = (!is_last).then(|| beside(next));
+            let is_open = !is_last && (!answer.is_unexplained() || may_explain(next, true));
+            let next = is_open.then(|| beside(next));
             let better = next.and_then(|next| Some((cost(&next)?, next))).filter(|(cost, _)| *cost < least);
             let Some(better) = better else {
                 let jumps = Some(best.jumps.times(records));

@@ -30,6 +30,9 @@ pub struct Case<'a> {
     /// What an explanation of the records costs that is known already, where one is: effects that cost more are not looked
     /// for. See [`super::hypothesis::Hypothesis::cost`].
     pub(super) rival: Option<f64>,
+    /// Is it searched from afar where nothing else explains the records? Once, in the likeliest reading: what that finds is
+    /// taken on to the others.
+    pub(super) is_first: bool,
     /// Whom it tells where it stands.
     pub(super) progress: Progress<'a>,
 }
@@ -54,6 +57,11 @@ impl<'a> Case<'a> {
         Case { progress: self.progress.part(range, reading), ..*self }
     }
 
+    /// The same as another reading of records for which nothing is found in the likeliest.
+    pub(super) fn another(self) -> Self {
+        Case { is_first: false, ..self }
+    }
+
     /// A case of records that are ready for a rig, of which the first ones are fitted.
     pub fn new(rig: &'a Rig, records: &'a [Prepared], fitted: usize) -> Self {
         let error = |channel: usize| {
@@ -72,6 +80,7 @@ impl<'a> Case<'a> {
             model_error: std::array::from_fn(error),
             timed: None,
             rival: None,
+            is_first: true,
             progress: Progress::SILENT,
         }
     }

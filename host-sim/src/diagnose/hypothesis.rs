@@ -3,6 +3,8 @@
 use super::Case;
 use super::candidate::{self, Candidate, Prospect};
 use super::place::{self, Place};
+use super::residual;
+use super::search::BEAM;
 use super::signature::Signatures;
 use super::weighing::Earned;
 use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, FitSettings, Polished, TOLD_APART, Valley};
@@ -23,8 +25,7 @@ const PROMISING: f64 = 4.0;
 const FORESEEN: f64 = 0.1;
 /// Part of its price that the linear model must foresee for an effect to be fitted beside others that leave noise.
 const HIDDEN: f64 = 0.5;
-/// Most effects that are approached by rough fits for a hypothesis in a round after the first, the most promising
-/// first.
+/// Most effects that are approached by rough fits for a hypothesis where not all are wanted, the most promising first.
 const MOST_APPROACHED: usize = 10;
 /// Most of them that are fitted, to the fitted records and to all: more than look alike in the position alone, so that
 /// the held-out records decide among these.
@@ -303,18 +304,25 @@ impl Hypothesis {
     /// the fall of chi-square that is of interest, at least that of the best: where the linear model foresees a small
     /// part of it only, or the approach reaches no more, the fit will not reach it. `others` are more values to start
     /// from.
-    fn fit_promising(&self, case: &Case<'_>, wanted: f64, others: &[Vec<f64>]) -> Vec<Candidate> {
+    /// All are approached where that is wanted, and the fitted records ask for something.
+    fn fit_promising(
+        &self,
+        case: &Case<'_>,
+        wanted: f64,
+        others: &[Vec<f64>],
+        all_wanted: bool,
+    ) -> Vec<Candidate> {
         let base = self.train.misfit.chi_square;
         let gain = |prospect: &Prospect| base - prospect.foreseen.misfit.chi_square;
         let (mut asked, mut promising): (Vec<&Prospect>, Vec<&Prospect>) =
             self.prospects(case).iter().partition(|prospect| self.confuses(case, prospect));
         let wanted = promising.iter().copied().map(gain).fold(wanted, f64::max);
-        let (is_first, is_noise) = (self.added.is_empty(), within_noise(&self.train.misfit));
-        let hides = is_noise && !is_first;
+        let is_noise = within_noise(&self.train.misfit);
+        let hides = is_noise && !self.added.is_empty();
         let least = |prospect: &Prospect| {
             if hides {
                 HIDDEN * self.price(prospect.effect, 1.0)
-            } else if is_first && !is_noise {
+            } else if all_wanted && !is_noise {
                 // The faults may be far off to make up for an effect: the linear model there says nothing.
                 f64::NEG_INFINITY
             } else {
@@ -324,7 +332,7 @@ impl Hypothesis {
         promising.retain(|prospect| gain(prospect) > least(prospect));
         asked.retain(|prospect| !hides || gain(prospect) > least(prospect));
         promising.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
-        if !self.added.is_empty() {
+        if !all_wanted {
             promising.truncate(MOST_APPROACHED);
         }
         promising.append(&mut asked);
@@ -359,9 +367,9 @@ impl Hypothesis {
 
     /// The effects that the fitted records may ask for. What is left after an effect is coloured: what takes less than
     /// a tenth of it is not worth a fit.
-    fn promising(&self, case: &Case<'_>) -> Vec<Candidate> {
+    fn promising(&self, case: &Case<'_>, all_wanted: bool) -> Vec<Candidate> {
         let wanted = beyond_noise(&self.train.misfit).filter(|_| !self.added.is_empty());
-        self.fit_promising(case, wanted.unwrap_or(0.0), &[])
+        self.fit_promising(case, wanted.unwrap_or(0.0), &[], all_wanted)
     }
 
     /// Makes hypotheses of candidates.
@@ -435,7 +443,8 @@ impl Hypothesis {
             let gain = (self.joint.misfit.chi_square - candidate.fit.misfit.chi_square) / scale;
             gain > self.price(candidate.effect, scale)
         };
-        let asked: Vec<Candidate> = of_all.promising(&whole).into_iter().filter(is_asked_for).collect();
+        let asked: Vec<Candidate> =
+            of_all.promising(&whole, self.added.is_empty()).into_iter().filter(is_asked_for).collect();
         asked
             .into_par_iter()
             .filter_map(|Candidate { effect, ranges, fit: joint }| {
@@ -465,29 +474,40 @@ impl Hypothesis {
 
     /// The hypotheses with one more effect that the fitted records ask for. Where the fits of these show a better
     /// valley of the model without them, it moves there first. Where the fitted records are explained and the held-out
-    /// ones speak against that, all of them are asked; `known` is what was fitted before.
-    pub(super) fn grow(&mut self, case: &Case<'_>, known: &[Self]) -> Vec<Self> {
+    /// ones speak against that, all of them are asked; `known` is what was fitted before. Effects of which the linear model
+    /// foresees little are tried as well where all are wanted.
+    pub(super) fn grow(&mut self, case: &Case<'_>, known: &[Self], all_wanted: bool) -> Vec<Self> {
         if self.is_in_doubt() || self.is_contradicted(known) {
             let asked = self.asked_by_all(case);
             if !asked.is_empty() {
                 return asked;
             }
         }
-        let mut candidates = self.promising(case);
+        let mut candidates = self.promising(case, all_wanted);
         for _ in 0..MOST_MOVES {
             let Some(moved) = self.moved(case, &candidates) else { break };
             *self = moved;
-            candidates = self.promising(case);
+            candidates = self.promising(case, all_wanted);
         }
         let Some(best) = candidates.first() else { return Vec::new() };
         let scale = best.fit.misfit.mean_square().max(1.0);
+        // Samples of what is not noise say the same thing again and again: so many are one.
+        let repeats = if within_noise(&best.fit.misfit) {
+            1.0
+        } else {
+            let predictions = fit::predict(&best.applied(&self.rig), case.train());
+            residual::correlation_time(case.train(), &predictions)
+        };
         let best = best.fit.misfit.chi_square;
         let base = self.train.misfit.chi_square;
-        candidates.retain(|candidate| {
+        let is_hopeful = |(place, candidate): &(usize, Candidate)| {
             let chi_square = candidate.fit.misfit.chi_square;
+            let samples_of_one = if *place < BEAM { repeats } else { 1.0 };
             (base - chi_square) / scale > self.price(candidate.effect, scale)
-                && (chi_square - best) / scale < HOPELESS
-        });
+                && (chi_square - best) / scale < HOPELESS * samples_of_one
+        };
+        let candidates = candidates.into_iter().enumerate().filter(is_hopeful);
+        let candidates = candidates.map(|(_, candidate)| candidate).collect();
         self.with(case, candidates)
     }
 
@@ -568,7 +588,8 @@ impl Hypothesis {
         let without = &earned.without;
         let here = Place::of(&self.rig, &without.ranges);
         let wanted = without.train.misfit.chi_square - scale * limit;
-        let mut others = without.fit_promising(case, wanted, std::slice::from_ref(&here.values));
+        let mut others =
+            without.fit_promising(case, wanted, std::slice::from_ref(&here.values), without.added.is_empty());
         if let Some(twin) = self.twin(case, earned, &here) {
             others.retain(|other| other.effect.name != twin.effect.name);
             others.push(twin);

@@ -10,7 +10,8 @@
 //! keep the best few hypotheses, grow each by another effect, until one leaves noise or nothing helps (up to five)
 //!        |
 //!        v
-//! none leaves noise: search faults and one effect anew in all of their ranges (genetic), grow what is better
+//! none leaves noise: any effect beside a first that explains nearly all? Each effect of the best beside the others?
+//! Faults and one effect anew in all of their ranges (genetic)? Grow what is better
 //!        |
 //!        v
 //! drop what does not earn its place beside the others: significant, matters, validates on the held-out records
@@ -111,6 +112,6 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Di
         case.known_noise[channel].map(|noise| noise * fit::as_white(colour[channel]))
     });
     let coloured = Case { records: &records, known_noise, ..case.part([0.9, 1.0], ", coloured noise") };
-    let other = diagnose_in_noise(&coloured, settings);
+    let other = diagnose_in_noise(&coloured.another(), settings);
     if other.is_unexplained() { diagnosis } else { other.diagnosis }
 }

@@ -17,9 +17,9 @@ const REACH: f64 = 20.0;
 const NEAR: f64 = 0.6;
 /// Largest size at which an effect that is on one side of its absence is tried, in its sizes, and how many in a decade
 /// below that: a valley of a play or a dead zone is a fifth as wide as its size, and one of many.
-const LARGEST: f64 = 10.0;
+const LARGEST: f64 = 40.0;
 const PER_DECADE: i32 = 10;
-const DECADES: i32 = 4;
+const DECADES: i32 = 5;
 /// Sizes at which an effect of several parameters is tried where no signature leads to it, in its sizes: the first, and the
 /// second where nothing is known of it.
 const COARSE: [f64; 3] = [0.3, 1.0, 3.0];

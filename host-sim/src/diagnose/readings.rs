@@ -97,7 +97,7 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     if diagnosis.verdict == Verdict::Adequate || interrupt::requested() {
         return answer;
     }
-    let there = there.part([0.6, 1.0], ", in another reading");
+    let there = there.part([0.6, 1.0], ", in another reading").another();
     if !is_open && !leaves_less(declared.begun(&there), simple, scale) {
         return answer;
     }

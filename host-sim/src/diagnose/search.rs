@@ -1,7 +1,7 @@
 //! From the model with the declared faults alone to the best that its records ask for.
 
 use super::Case;
-use super::hypothesis::Hypothesis;
+use super::hypothesis::{self, Hypothesis};
 use super::weighing::Earned;
 use crate::fit::{FitSettings, TOLD_APART};
 use crate::interrupt;
@@ -13,7 +13,7 @@ const MOST_EFFECTS: usize = 5;
 /// Most of them where they leave noise.
 const MOST_EXPLAINED: usize = 3;
 /// Hypotheses that are grown further.
-const BEAM: usize = 3;
+pub(super) const BEAM: usize = 3;
 /// Share of the misfit beyond noise that another effect must take away for a further one to be tried beside it. What is
 /// left is coloured; of one that swings some hundred times, the best of the catalogue takes a tenth by chance.
 pub(super) const GROWING_SHARE: f64 = 0.1;
@@ -32,7 +32,7 @@ impl FirstRound {
     /// Grows the model with the declared faults alone by an effect.
     pub(super) fn of(case: &Case<'_>, mut root: Hypothesis) -> Self {
         case.progress.begin(&round(0), [0.05, 0.1]);
-        let grown = root.grow(case, &[]);
+        let grown = root.grow(case, &[], true);
         let mut first = Self { root, grown, leaves_noise: false };
         first.leaves_noise = first.best().leaves_noise(case);
         first
@@ -51,6 +51,9 @@ impl FirstRound {
     }
 }
 
+/// Share of the misfit beyond noise that an effect must take away for any other to be looked for beside it.
+const NEARLY_ALL: f64 = 0.9;
+
 /// What is told of a round that adds an effect to so many.
 fn round(added: usize) -> String {
     format!("trying effects, round {}", added + 1)
@@ -67,6 +70,7 @@ pub(super) fn search(
     let mut growth = Growth { case, tried: known.into_iter().collect() };
     let beam = growth.chosen(&[root], grown);
     growth.run(beam, [0.05, 0.6]);
+    growth.look_beside_the_first();
     growth.look_again();
     growth.run_from_afar(settings);
     let mut tried = growth.tried;
@@ -114,7 +118,7 @@ impl Growth<'_> {
                     from + (stage as f64 + index as f64 / BEAM as f64) / MOST_EFFECTS as f64 * (to - from)
                 };
                 self.case.progress.begin(&label, [share(index), share(index + 1)]);
-                for new in hypothesis.grow(self.case, &self.tried) {
+                for new in hypothesis.grow(self.case, &self.tried, false) {
                     if !grown.iter().any(|known| known.same_effects(&new)) {
                         grown.push(new);
                     }
@@ -136,8 +140,8 @@ impl Growth<'_> {
         grown.sort_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)));
         let best = grown.first().map_or(f64::INFINITY, |first| first.cost(scale));
         let settled = beam.iter().all(|parent| parent.cost(scale) <= best);
-        let helpless = grown.iter().all(|new| new.share_of(&beam[0]) < GROWING_SHARE);
-        if settled || helpless {
+        grown.retain(|new| new.share_of(&beam[0]) >= GROWING_SHARE);
+        if settled || grown.is_empty() {
             return Vec::new();
         }
         // Where the best leaves noise, a further effect can only be hidden in it.
@@ -170,6 +174,25 @@ impl Growth<'_> {
             || self.tried.iter().any(|known| known.leaves_noise(self.case))
     }
 
+    /// Where nothing that was tried leaves noise, but one effect takes away nearly all that there was: looks for any other
+    /// beside it. The faults may be far off to make up for that one, so that the linear model says nothing of it.
+    fn look_beside_the_first(&mut self) {
+        if self.is_done() {
+            return;
+        }
+        let singles = self.tried.iter().filter(|known| known.added.len() == 1);
+        let best = singles.min_by(|a, b| hypothesis::lower(a, b));
+        let root = self.tried.iter().find(|known| known.added.is_empty());
+        let Some((mut best, root)) = best.cloned().zip(root) else { return };
+        if best.share_of(root) < NEARLY_ALL {
+            return;
+        }
+        self.case.progress.begin("looking for any effect beside the first", [0.6, 0.65]);
+        let grown = best.grow(self.case, &self.tried, true);
+        let beam = self.chosen(&[best], grown);
+        self.run(beam, [0.6, 0.65]);
+    }
+
     /// Where nothing that was tried leaves noise: looks for each effect of the best beside the others, since each was found
     /// beside fewer, and grows what is better for it.
     fn look_again(&mut self) {
@@ -198,7 +221,7 @@ impl Growth<'_> {
 
     /// Where nothing that was tried leaves noise: grows what a search from afar finds to be better than all of it.
     fn run_from_afar(&mut self, settings: &FitSettings) {
-        if self.is_done() {
+        if self.is_done() || !self.case.is_first {
             return;
         }
         let Self { case, tried } = &*self;

@@ -330,10 +330,12 @@ impl Prepared {
     }
 }
 
-/// Makes a record ready for a rig; the noise is what the rig states or the record shows.
+/// Makes a record ready for a rig; the noise is what the rig states or the record shows. A command loses nothing to the
+/// step in which it was recorded where a controller that is known takes its samples as they are.
 pub fn prepare(rig: &Rig, record: &Record) -> Prepared {
     let prepared = prepare_with(rig, record, noise_of(rig, record)).with_steps_of_sensors();
-    match record.channel(Channel::Command).map_or(0.0, command_step) {
+    let command = record.channel(Channel::Command).filter(|_| rig.controller.is_none());
+    match command.map_or(0.0, command_step) {
         0.0 => prepared,
         step => prepared.with_losses(rig, step),
     }
