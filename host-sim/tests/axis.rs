@@ -120,7 +120,7 @@ fn published_parameters_have_their_published_errors() {
 
 #[test]
 fn a_term_that_foretells_a_record_worse_than_none_is_refused() {
-    // The control: what these two seconds alone ask for foretells the next two worse than what is held against them.
+    // The control: the terms that these two seconds alone ask for foretell the next two no better than none.
     let Some(records) = measured([(Some(4.0), Some(6.0)), (Some(6.0), Some(8.0))]) else { return };
     let rig = Rig { faults: Vec::new(), ..axis(&[]) };
     let prepared = records.map(|record| fit::prepare(&rig, &record));

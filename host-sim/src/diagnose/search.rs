@@ -182,8 +182,7 @@ impl Growth<'_> {
         }
         let singles = self.tried.iter().filter(|known| known.added.len() == 1);
         let best = singles.min_by(|a, b| hypothesis::lower(a, b));
-        let root = self.tried.iter().find(|known| known.added.is_empty());
-        let Some((mut best, root)) = best.cloned().zip(root) else { return };
+        let Some((mut best, root)) = best.cloned().zip(root(&self.tried)) else { return };
         if best.share_of(root) < NEARLY_ALL {
             return;
         }
@@ -227,7 +226,7 @@ impl Growth<'_> {
         let Self { case, tried } = &*self;
         case.progress.begin("searching from afar", [0.65, 0.75]);
         let bound = tried.iter().map(|known| known.train.misfit.chi_square).fold(f64::INFINITY, f64::min);
-        let Some(root) = tried.iter().find(|known| known.added.is_empty()).cloned() else { return };
+        let Some(root) = root(tried).cloned() else { return };
         let found = root.searched(case, settings, bound);
         if found.is_empty() {
             return;
@@ -255,7 +254,7 @@ pub(super) struct Sound {
 impl Sound {
     fn of(case: &Case<'_>, tried: &mut Vec<Hypothesis>) -> Self {
         let (best, earned) = soundest(case, tried);
-        let root = tried.iter().find(|known| known.added.is_empty()).unwrap_or(&best).clone();
+        let root = root(tried).unwrap_or(&best).clone();
         let asked = asked(tried).unwrap_or(&best).clone();
         Self { root, best, asked, simple: Vec::new(), earned, stand_ins: Vec::new() }
     }
@@ -295,6 +294,11 @@ fn soundest(case: &Case<'_>, tried: &mut Vec<Hypothesis>) -> (Hypothesis, Vec<Ea
         let (sound, earned) = hypothesis.pruned(case, tried);
         open.push((sound, Some(earned)));
     }
+}
+
+/// The model with the declared faults alone.
+fn root(tried: &[Hypothesis]) -> Option<&Hypothesis> {
+    tried.iter().find(|known| known.added.is_empty())
 }
 
 /// The hypothesis that the fitted records alone speak for.
