@@ -186,15 +186,16 @@ pub const EFFECTS: &[EffectInfo] = &[
     entry(
         "mount-compliance",
         Port::Force,
-        "mb xb'' + cb xb' + k xb = -(AJ P12 - CJ v - friction), MJ (v' + sl xb'') = -that - loads; LVDT sees x + xb, the loop x + sb xb",
+        "mb xb'' + cb xb' + k xb = -(AJ P12 - CJ v - friction), MJ (v' + sl xb'') = -that - loads; x_user = play(x + sp xb) + (1 - sp) xb, the loop sees x + sb xb",
         &[
             Parameter::MountCompliance,
             Parameter::MountLag,
             Parameter::BaseMass,
             Parameter::LoadFollowsBase,
             Parameter::LoopSeesBase,
+            Parameter::PlaySeesBase,
         ],
-        &[2e-8, 5e-5, 5.0, 0.5, 0.5],
+        &[2e-8, 5e-5, 5.0, 0.5, 0.5, 0.5],
     ),
     entry("drive-lag", Port::Drive, "tau F' + F = drive", &[Parameter::DriveLag], &[5e-4]),
     entry("sensor-offset", Port::Sensor, "lvdt = x_user + o", &[Parameter::SensorOffset], &[1e-5]),

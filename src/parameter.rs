@@ -174,6 +174,7 @@ parameters! {
     base_mass BaseMass "mb" "kg" 5.0 [0.1, 1e5] Dynamics "mass of the base, the cylinder's body, on its mount";
     load_follows_base LoadFollowsBase "sl" "1" 1.0 [0.0, 1.0] Dynamics "share of the base's motion that the load's inertia follows: 1 moves with it, 0 stays in the cylinder's frame";
     loop_sees_base LoopSeesBase "sb" "1" 1.0 [0.0, 1.0] Dynamics "share of the base's motion that a loop on the ram sees: 1 regulates its position over ground, 0 that in the cylinder";
+    play_sees_base PlaySeesBase "sp" "1" 1.0 [0.0, 1.0] Dynamics "share of the base's motion that the backlash passes on: 1 where the user hangs on the ram over ground, 0 where all of it is added behind the backlash";
     bkl Backlash "BKL" "m" 0.0 [0.0, 0.05] Output "full width of the backlash between ram and user";
     sensor_offset SensorOffset "" "m" 0.0 [-0.1, 0.1] Output "offset of the LVDT";
     sensor_gain SensorGain "" "1" 0.0 [-0.5, 1.0] Output "relative gain error of the LVDT";

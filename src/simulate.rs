@@ -40,6 +40,8 @@ pub struct Follower<T> {
     half_backlash: T,
     lvdt: Lvdt<T>,
     user: T,
+    /// What is added behind the backlash, m.
+    behind: T,
     state: LvdtState<T>,
 }
 
@@ -47,12 +49,19 @@ impl<T: Real> Follower<T> {
     /// The output of an actuator, at rest at zero.
     pub fn of(actuator: &Actuator<T>) -> Self {
         let half_backlash = actuator.model.half_backlash();
-        Self { half_backlash, lvdt: actuator.lvdt, user: T::ZERO, state: LvdtState::at_rest(T::ZERO) }
+        Self {
+            half_backlash,
+            lvdt: actuator.lvdt,
+            user: T::ZERO,
+            behind: T::ZERO,
+            state: LvdtState::at_rest(T::ZERO),
+        }
     }
 
     /// Rests at a user position, m, from now on.
     pub fn restart(&mut self, user: T) {
         self.user = user;
+        self.behind = T::ZERO;
         self.state = LvdtState::at_rest(user);
     }
 
@@ -62,10 +71,16 @@ impl<T: Real> Follower<T> {
         self.user = play(ram, self.user, self.half_backlash);
     }
 
+    /// Takes over what a motion has behind the backlash at a sample, m.
+    #[inline(always)]
+    pub(crate) fn carry(&mut self, behind: T) {
+        self.behind = behind;
+    }
+
     /// What its LVDT shows. Call it once a sample.
     #[inline(always)]
     pub fn shown(&mut self) -> T {
-        self.lvdt.sample(&mut self.state, self.user)
+        self.lvdt.sample(&mut self.state, self.user + self.behind)
     }
 }
 
@@ -174,7 +189,7 @@ impl<T: Real> Actuator<T> {
     #[inline]
     pub fn measure(&self, motion: &mut Motion<T>, input: &Input<T>) -> Outputs<T> {
         let Motion { run, user, lvdt } = motion;
-        self.outputs(lvdt, *user, &run.mode, &run.state, input)
+        self.outputs(lvdt, *user + self.model.behind_play(&run.state), &run.mode, &run.state, input)
     }
 
     #[inline(always)]

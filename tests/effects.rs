@@ -68,6 +68,7 @@ const MOUNT: &[(P, f64)] = &[
     (P::BaseMass, 3.0),
     (P::LoadFollowsBase, 1.0),
     (P::LoopSeesBase, 1.0),
+    (P::PlaySeesBase, 1.0),
 ];
 
 fn faulty(valve: ValveForm, feedback: Feedback) -> Rig {
@@ -143,21 +144,31 @@ fn effects_agree_with_the_plant_on_the_sine() {
 
 #[test]
 fn a_mount_agrees_whatever_follows_and_sees_its_base() {
-    // A user who is fed back is over ground.
-    let plain = with_effect(faulty(ValveForm::TwoStage, Feedback::Ram), MOUNT);
+    use Feedback::{Ram, User};
     let mut seen: Vec<Trace> = Vec::new();
-    for (follows, sees) in [(1.0, 1.0), (0.0, 1.0), (1.0, 0.0), (0.0, 0.0)] {
-        let rig = with_effect(plain, &[(P::LoadFollowsBase, follows), (P::LoopSeesBase, sees)]);
+    // A user who is fed back is over ground.
+    for (feedback, follows, sees, passed) in [
+        (Ram, 1.0, 1.0, 1.0),
+        (Ram, 0.0, 1.0, 1.0),
+        (Ram, 1.0, 0.0, 1.0),
+        (Ram, 0.0, 0.0, 1.0),
+        (Ram, 1.0, 1.0, 0.0),
+        (Ram, 0.0, 0.0, 0.0),
+        (User, 1.0, 1.0, 1.0),
+        (User, 1.0, 1.0, 0.0),
+    ] {
+        let shares = [(P::LoadFollowsBase, follows), (P::LoopSeesBase, sees), (P::PlaySeesBase, passed)];
+        let rig = with_effect(with_effect(faulty(ValveForm::TwoStage, feedback), MOUNT), &shares);
         for name in ["mixed-step", "sine"] {
             let samples = command(name, SAMPLES);
             let core = rig.core(&samples);
             let distance = core.distance(&rig.plant(&samples));
-            println!("{name:10} follows {follows} sees {sees}: {distance}");
-            assert!(distance.user < 0.02 && distance.ram < 0.02, "{name}, {follows}, {sees}: {distance}");
+            println!("{name:10} {feedback:?} {shares:?}: {distance}");
+            assert!(distance.user < 0.02 && distance.ram < 0.02, "{name}, {shares:?}: {distance}");
             if name == "sine" {
                 for other in &seen {
                     let apart = core.distance(other).user;
-                    assert!(apart > 0.3, "{follows}, {sees}: {apart} um from another form");
+                    assert!(apart > 0.3, "{shares:?}: {apart} um from another form");
                 }
                 seen.push(core);
             }
@@ -185,6 +196,7 @@ fn neutral_values_change_nothing() {
         P::BaseMass,
         P::LoadFollowsBase,
         P::LoopSeesBase,
+        P::PlaySeesBase,
         P::StepLoadTime,
         P::VapourPressure,
         P::ReturnPressure,

@@ -314,9 +314,16 @@ fn metering_is_found_in_a_high_fidelity_actuator() {
 #[test]
 fn a_mount_is_named_whatever_follows_its_base_and_sees_it() {
     // The mass of the second one is next to nothing: it only moves what is measured.
-    for (mass, in_loop, load_follows) in [(10.0, true, true), (1.0, false, false), (10.0, false, true)] {
+    for (mass, in_loop, load_follows, play_over_ground) in [
+        (10.0, true, true, true),
+        (1.0, false, false, true),
+        (10.0, false, true, true),
+        (1.0, false, false, false),
+    ] {
         let mut plant = faulty();
-        plant.effects.mount = Some(Mount { stiffness: 4e6, damping: 1600.0, mass, in_loop, load_follows });
+        let (stiffness, damping) = (4e6, 1600.0);
+        plant.effects.mount =
+            Some(Mount { stiffness, damping, mass, in_loop, load_follows, play_over_ground });
         explained_by(&plant, 1, "mount-compliance");
     }
 }

@@ -118,6 +118,10 @@ impl<T: Real> Walk<T> {
             let force = if self.lag.is_some() { self.lagging } else { self.drive };
             input = Input { command, force, ..line.start };
         }
+        let behind = self.actuator.model.behind_play(&self.motion.run.state);
+        for follower in followers.iter_mut().flatten() {
+            follower.carry(behind);
+        }
         self.command = command;
         self.left = self.left.saturating_sub(1);
         self.sample += 1;

@@ -73,7 +73,7 @@ fn meet<T: Real, S: Stepper<T>>(
     run.state = state;
     run.steps += 3;
     run.events += 1;
-    observe(run.state.ground());
+    observe(model.play_input(&run.state));
     model.switch(index, &mut run.mode, &mut run.state, &input);
     run.mode_number = run.mode.number();
     run.guards = Guards::at(model, &run.mode, &run.state, &input, now);

@@ -269,7 +269,7 @@ pub trait Stepper<T: Real> {
 
 /// Advances a run by one sample.
 ///
-/// `observe` is called with the ram position over ground at every turning point and at the end of the sample, in order
+/// `observe` is called with what pushes the backlash at every turning point and at the end of the sample, in order
 /// of time: what a rate-independent operator behind the ram needs to see. Bounded: at most `2 * units` steps of the
 /// stepper and three parts for each of the 8 events that one of its finest steps may hold.
 #[inline]
@@ -283,7 +283,7 @@ pub fn advance<T: Real, S: Stepper<T>>(
     if let Some(mut place) = start(stepper, model, run, segment) {
         divide(stepper, model, run, segment, &mut place, u32::MAX, &mut observe);
     } else {
-        observe(run.state.ground());
+        observe(model.play_input(&run.state));
     }
 }
 
@@ -314,12 +314,12 @@ pub fn advance_over_jump<T: Real, S: Stepper<T>>(
         run.catch_up(model, None, before, elapsed);
     }
     cross(stepper, model, run, before, elapsed, [T::ZERO, share], &mut observe);
-    observe(run.state.ground());
+    observe(model.play_input(&run.state));
     let jump = elapsed + stepper.unit() * share;
     run.meet(model, &before.at(jump), &after.at(jump), before.time + jump);
     stepper.enter(model, run);
     cross(stepper, model, run, after, elapsed, [share, T::ONE], &mut observe);
-    observe(run.state.ground());
+    observe(model.play_input(&run.state));
     for position in whole + 1..units {
         step_finely(stepper, model, run, after, position, &mut observe);
     }
@@ -337,7 +337,7 @@ fn step_finely<T: Real, S: Stepper<T>>(
     if !attempt(stepper, model, run, segment, position, 0) {
         cross_all(stepper, model, run, segment, position, observe);
     }
-    observe(run.state.ground());
+    observe(model.play_input(&run.state));
 }
 
 /// Takes a run over the finest step at a position, which holds an event.
@@ -442,7 +442,7 @@ pub fn advance_some<T: Real, S: Stepper<T>>(
     } else if let Some(now) = start(stepper, model, run, segment) {
         now
     } else {
-        observe(run.state.ground());
+        observe(model.play_input(&run.state));
         return true;
     };
     let done = divide(stepper, model, run, segment, &mut now, last, &mut observe);
@@ -595,7 +595,7 @@ fn divide<T: Real, S: Stepper<T>>(
             }
             cross_all(stepper, model, run, segment, position, observe);
         }
-        observe(run.state.ground());
+        observe(model.play_input(&run.state));
         position += size::<T, S>(level);
         while level < S::TOP.min(run.ceiling)
             && run.calm >= stepper.calm()

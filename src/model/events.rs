@@ -260,14 +260,14 @@ impl<T: Real> Model<T> {
             };
         }
         if self.jack.is_mounted() {
-            guards[GROUND - LOOP_GUARDS] = side::<T>(mode.ground) * z.ground_velocity();
+            guards[GROUND - LOOP_GUARDS] = side::<T>(mode.ground) * self.play_input_velocity(z);
         }
         let half = self.half_backlash();
         if self.form.feedback == super::Feedback::User && half > T::ZERO {
             guards[USER_PLAY - LOOP_GUARDS] = if mode.user_play == 0 {
                 (half - z.user_gap.magnitude()) / half
             } else {
-                side::<T>(mode.user_play) * z.ground_velocity()
+                side::<T>(mode.user_play) * self.play_input_velocity(z)
             };
         }
         guards

@@ -51,7 +51,7 @@ impl<T: Real> Model<T> {
             middle.sensed_spool += middle.spool - z.spool;
         }
         if mode.user_play == 0 && self.form.feedback == Feedback::User {
-            middle.user_gap = z.user_gap - (middle.ground() - z.ground());
+            middle.user_gap = z.user_gap - (self.play_input(&middle) - self.play_input(z));
         }
         let mut end = *z;
         self.step_jack(mode, z, &mut middle, &mut end, &middle_input, step);
@@ -75,7 +75,7 @@ impl<T: Real> Model<T> {
             end.sensed_spool = z.sensed_spool + (end.spool - z.spool);
         }
         if mode.user_play == 0 && self.form.feedback == Feedback::User {
-            end.user_gap = z.user_gap - (end.ground() - z.ground());
+            end.user_gap = z.user_gap - (self.play_input(&end) - self.play_input(z));
         }
         end
     }

@@ -232,6 +232,24 @@ impl<T: Real> Model<T> {
         }
     }
 
+    /// Position that pushes the backlash, m.
+    #[inline(always)]
+    pub fn play_input(&self, z: &State<T>) -> T {
+        z.ram + self.parameters.play_sees_base * z.base
+    }
+
+    /// Its velocity, m/s.
+    #[inline(always)]
+    pub(crate) fn play_input_velocity(&self, z: &State<T>) -> T {
+        z.ram_velocity + self.parameters.play_sees_base * z.base_velocity
+    }
+
+    /// What of the base's motion is added behind the backlash, m.
+    #[inline(always)]
+    pub fn behind_play(&self, z: &State<T>) -> T {
+        (T::ONE - self.parameters.play_sees_base) * z.base
+    }
+
     /// Position that the controller sees, m: that of the user is over ground, of that of the ram the rig says how much it is.
     #[inline(always)]
     fn fed_back(&self, z: &State<T>) -> T {
@@ -246,7 +264,7 @@ impl<T: Real> Model<T> {
     fn fed_back_rate(&self, mode: &Mode, ram_rate: T, base_rate: T) -> T {
         match self.form.feedback {
             Feedback::Ram => ram_rate + self.parameters.loop_sees_base * base_rate,
-            Feedback::User if mode.user_play == 0 => T::ZERO,
+            Feedback::User if mode.user_play == 0 => (T::ONE - self.parameters.play_sees_base) * base_rate,
             Feedback::User => ram_rate + base_rate,
         }
     }
@@ -411,7 +429,7 @@ impl<T: Real> Model<T> {
             rate.sensed_spool = rate.spool;
         }
         if mode.user_play == 0 && self.form.feedback == Feedback::User {
-            rate.user_gap = -(velocity + rate.base);
+            rate.user_gap = -(velocity + self.parameters.play_sees_base * rate.base);
         }
         if self.fluid.is_compressible() && mode.pressure == 0 {
             let opening = self.spool.opening(z.spool, side(mode.overlap), one);

@@ -161,12 +161,6 @@ impl<T: Real> State<T> {
         self.ram + self.base
     }
 
-    /// Velocity of the ram over ground, m/s.
-    #[inline(always)]
-    pub fn ground_velocity(&self) -> T {
-        self.ram_velocity + self.base_velocity
-    }
-
     /// Moves the ram, m, and keeps what rounding cuts off.
     #[inline(always)]
     pub fn move_ram(&mut self, change: T) {

@@ -161,11 +161,12 @@ impl<const GENES: usize> Sight<GENES> {
         }
     }
 
-    /// A motion has come to a sample of the chunk, which is compared or not.
+    /// A motion has come to a sample of the chunk, which is compared or not: its ram over ground, and what is added
+    /// behind the backlash, m.
     #[inline(always)]
-    fn look(&mut self, turn: usize, place: usize, ram: f32, current: f32, compared: bool) {
+    fn look(&mut self, turn: usize, place: usize, [ram, behind]: [f32; 2], current: f32, compared: bool) {
         let Some(place) = self.predicted.get_mut(place) else { return };
-        let see = |tap: &mut Tap| [tap.lvdt.sample(&mut tap.seen, tap.user), current];
+        let see = |tap: &mut Tap| [tap.lvdt.sample(&mut tap.seen, tap.user + behind), current];
         if turn == 0 {
             self.path.look(ram, compared);
             place.base = see(&mut self.base_tap);
@@ -396,7 +397,8 @@ impl<const GENES: usize> Pass<GENES> {
         {
             let demand = model.demand(&run.mode, &run.state, &scene.input(sample));
             let current = model.controller.current(run.mode.current, demand, 1.0);
-            self.sight.look(self.turn, self.done, run.state.ground(), current, sample >= scene.settle);
+            let positions = [run.state.ground(), model.behind_play(&run.state)];
+            self.sight.look(self.turn, self.done, positions, current, sample >= scene.settle);
         }
     }
 
@@ -424,7 +426,7 @@ impl<const GENES: usize> Pass<GENES> {
         let taken = run.steps;
         stepper.glide(run, before, steps, command, |passing| {
             sight.follow(turn, passing.ram);
-            sight.look(turn, place, passing.ram, passing.current, sample >= scene.settle);
+            sight.look(turn, place, [passing.ram, 0.0], passing.current, sample >= scene.settle);
             place += 1;
             sample += 1;
         });

@@ -191,6 +191,7 @@ pub(crate) fn plant(rig: &Rig) -> Plant {
                 mass: p.base_mass,
                 in_loop: p.loop_sees_base == 1.0,
                 load_follows: p.load_follows_base == 1.0,
+                play_over_ground: p.play_sees_base == 1.0,
             }
         }),
         sensor_offset: p.sensor_offset,

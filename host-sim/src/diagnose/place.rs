@@ -81,7 +81,7 @@ pub(super) fn places(
     let seeker = Seeker { effect, rig, signatures, is_first, others: &effect.sizes[1..] };
     match effect.parameters {
         [] => Vec::new(),
-        [.., Parameter::LoadFollowsBase, Parameter::LoopSeesBase] => seeker.mounts(),
+        [.., Parameter::LoadFollowsBase, Parameter::LoopSeesBase, Parameter::PlaySeesBase] => seeker.mounts(),
         [_, Parameter::StepLoadTime] => seeker.steps(records),
         [_, _, Parameter::CoggingPitch] => seeker.ripples(records),
         [first, ..] if rig.parameters.get(*first) > first.info().lower => seeker.either_side(),
@@ -214,9 +214,9 @@ impl Seeker<'_> {
     /// The compliances of a mount that explain most, whatever follows and sees its base: with another answer to that, a
     /// soft mount is another model, and no slope leads from one to the next.
     fn mounts(&self) -> Vec<Place> {
-        let [lag, mass, ..] = *self.others else { return Vec::new() };
+        let [lag, mass, _, _, passed] = *self.others else { return Vec::new() };
         let formed = |&[follows, sees]: &[f64; 2]| {
-            let others = &[lag, mass, follows, sees];
+            let others = &[lag, mass, follows, sees, passed];
             Seeker { others, ..*self }.seen().into_iter().take(1).collect::<Vec<_>>()
         };
         let mut places = self.unseen();

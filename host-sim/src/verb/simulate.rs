@@ -61,6 +61,7 @@ pub struct Options {
     #[arg(long = "set", value_name = "NAME=VALUE")]
     set: Vec<String>,
     /// Effect with the values of its parameters, in the order of `effects`: `spool-overlap=12e-6`, `step-load=300,0.4`.
+    /// Those left out at the end keep the rig's.
     #[arg(long = "effect", value_name = "NAME=VALUE[,VALUE]")]
     effects: Vec<String>,
     /// External load on the jack, N: `constant:500`, `ramp:1000` (N/s), `sine:500:2` (amplitude, Hz).
@@ -113,9 +114,13 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
             return Err(Failure::usage(unknown("effect", name, EFFECTS.iter().map(|entry| entry.name))));
         };
         let values: Vec<&str> = values.split(',').collect();
-        if values.len() != effect.parameters.len() {
+        if values.len() > effect.parameters.len() {
             let names: Vec<&str> = effect.parameters.iter().map(|parameter| parameter.info().name).collect();
-            return Err(Failure::usage(format!("effect `{name}`: expected values of {}", names.join(","))));
+            return Err(Failure::usage(format!(
+                "effect `{name}`: {} values, expected at most those of {}",
+                values.len(),
+                names.join(",")
+            )));
         }
         for (&parameter, value) in effect.parameters.iter().zip(values) {
             set(&mut rig.parameters, parameter, number(text, value)?)?;

@@ -47,9 +47,10 @@ impl Shape {
                 let value = match parameter {
                     Parameter::StepLoadTime => 0.5 * self.stretch,
                     Parameter::MountLag => 1e-4 * self.stretch,
-                    Parameter::BaseMass | Parameter::LoadFollowsBase | Parameter::LoopSeesBase => {
-                        info.default
-                    }
+                    Parameter::BaseMass
+                    | Parameter::LoadFollowsBase
+                    | Parameter::LoopSeesBase
+                    | Parameter::PlaySeesBase => info.default,
                     Parameter::SupplySagLag => info.default * self.stretch,
                     Parameter::ThinningVelocity => 0.02 * self.stretch,
                     Parameter::CoggingPitch => 2e-3 * self.stretch,

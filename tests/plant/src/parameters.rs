@@ -288,4 +288,7 @@ pub struct Mount {
     /// Whether the load's inertia follows the body, as that of a load over ground does. If not, the ram moves in its
     /// cylinder as on a rigid mount, and the body moves only what is measured.
     pub load_follows: bool,
+    /// Whether the backlash lies between the ram over ground and the user. If not, it lies in the cylinder's frame, and
+    /// the body's motion is added to what is behind it.
+    pub play_over_ground: bool,
 }

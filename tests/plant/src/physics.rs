@@ -198,11 +198,20 @@ impl Equations<'_> {
     }
 
     /// Velocity of the feedback position: that of the user is zero inside the backlash.
-    fn feedback_rate(&self, s: &State, contacts: &Contacts, seen: f64) -> f64 {
-        let rate = s.ram_rate + if self.over_ground() { s.body_rate } else { 0.0 };
+    fn feedback_rate(&self, s: &State, contacts: &Contacts) -> f64 {
+        if self.p.feedback == Feedback::Ram {
+            return s.ram_rate + if self.over_ground() { s.body_rate } else { 0.0 };
+        }
+        let carried = self.play_share();
+        let (pushing, rate) = (s.ram + carried * s.body, s.ram_rate + carried * s.body_rate);
         let half = 0.5 * self.p.backlash;
-        let pushes = (seen - contacts.user) * rate.signum() >= half * (1.0 - 1e-9);
-        if self.p.feedback == Feedback::Ram || pushes { rate } else { 0.0 }
+        let pushes = (pushing - contacts.user) * rate.signum() >= half * (1.0 - 1e-9);
+        (1.0 - carried) * s.body_rate + if pushes { rate } else { 0.0 }
+    }
+
+    /// Share of the body's motion in front of the backlash; the rest is behind it.
+    fn play_share(&self) -> f64 {
+        if self.e.mount.is_none_or(|m| m.play_over_ground) { 1.0 } else { 0.0 }
     }
 
     fn over_ground(&self) -> bool {
@@ -217,21 +226,23 @@ impl Equations<'_> {
 
         // Sensors.
         let ram = s.ram + s.body;
-        contacts.user = play(ram, before.user, 0.5 * p.backlash);
+        let carried = self.play_share() * s.body;
+        contacts.user = play(s.ram + carried, before.user, 0.5 * p.backlash);
+        let user = contacts.user + (s.body - carried);
         if e.sensor_lag > 0.0 {
-            rate.sensed = (contacts.user - s.sensed) / e.sensor_lag;
+            rate.sensed = (user - s.sensed) / e.sensor_lag;
         }
-        let sensed = if e.sensor_lag > 0.0 { s.sensed } else { contacts.user };
+        let sensed = if e.sensor_lag > 0.0 { s.sensed } else { user };
 
         // Controller.
         let command = self.command.value(t);
         let feedback = match p.feedback {
-            Feedback::User => contacts.user,
+            Feedback::User => user,
             Feedback::Ram if self.over_ground() => ram,
             Feedback::Ram => s.ram,
         };
         let error = command - feedback;
-        let feedback_rate = self.feedback_rate(s, &contacts, ram);
+        let feedback_rate = self.feedback_rate(s, &contacts);
         let full = s.integral * error.signum() >= p.error_integral_limit;
         rate.integral = if full { 0.0 } else { error };
         let current = sat(
