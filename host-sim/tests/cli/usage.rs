@@ -51,7 +51,10 @@ fn a_wrong_value_is_named_with_what_was_expected() {
         (&["simulate", "--set", "fdj=1e9"], &["`fdj`", "expected 0 to"]),
         (&["simulate", "--set", "fdj=nan"], &["`fdj`"]),
         (&["simulate", "--set", "fdj"], &["NAME=VALUE"]),
-        (&["simulate", "--effect", "step-load=1,2,3"], &["3 values, expected at most", "step_load,step_load_time"]),
+        (
+            &["simulate", "--effect", "step-load=1,2,3"],
+            &["3 values, expected at most", "step_load,step_load_time"],
+        ),
         (&["simulate", "--dropout", "1.5"], &["--dropout 1.5"]),
         (&["simulate", "--noise", "lvdt_m=-1"], &["lvdt_m=-1"]),
         (&["simulate", "--noise", "command_m=1e-6"], &["not a measured channel"]),
