@@ -389,3 +389,30 @@ fn giving_up_on_a_candidate_changes_nothing_that_follows() {
     assert!(has_given_up, "every candidate was evaluated to the end: nothing was compared");
     assert!(finishes > 1, "{finishes} finish: no search went on");
 }
+
+#[test]
+fn what_a_record_says_nothing_of_leaves_the_other_errors_as_they_are() {
+    let (samples, trace) = plant("chirp", 1e-4, 400.0);
+    let records = [record(&samples, &trace, NOISY)];
+    let problem = problem(&records);
+    // When a load that is not there would start.
+    let silent = Free { parameter: Parameter::StepLoadTime, lower: 0.0, upper: 1.0 };
+    let free = [FREE[0], silent, FREE[1]];
+    let with_silent = Problem { free: &free, ..problem };
+    let (bkl, fdj) = (FREE[0].gene(1e-4), FREE[1].gene(400.0));
+    let mut steppers = vec![Stepper::new()];
+    let difference = gauss_newton::Settings::<f64>::default().difference;
+    let normal = gauss_newton::normal_equations(&problem, &[bkl, fdj], difference, &mut steppers);
+    let more = gauss_newton::normal_equations(&with_silent, &[bkl, 0.5, fdj], difference, &mut steppers);
+    let [alone, beside] = [
+        normal.covariance().map(|all| all.as_slice().to_vec()),
+        more.covariance().map(|all| all.as_slice().to_vec()),
+    ]
+    .map(|all| all.expect("a covariance"));
+    // By columns: of two genes, and of three.
+    for (one, other) in [(0, 0), (1, 2), (2, 6), (3, 8)] {
+        assert!((beside[other] / alone[one] - 1.0).abs() < 1e-9, "{alone:?}, {beside:?}");
+    }
+    assert!(beside[4].is_infinite());
+    assert!([1, 3, 5, 7].iter().all(|&shared| beside[shared] == 0.0), "{beside:?}");
+}

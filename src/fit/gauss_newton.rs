@@ -60,6 +60,9 @@ pub struct Normal<T, const GENES: usize> {
     pub curvature: SMatrix<T, GENES, GENES>,
 }
 
+/// Rise of chi-square over all of a gene's range below which the records say nothing of it.
+const UNTOLD: f64 = 1e-6;
+
 /// Where a finish ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Finish<T, const GENES: usize> {
@@ -359,9 +362,21 @@ impl<T: Real + RealField, const GENES: usize> Normal<T, GENES> {
         Some((there, self.misfit.chi_square - promised))
     }
 
-    /// Covariance of the genes for residuals whose noise is white and known: `(J^T J)^-1`.
+    /// Covariance of the genes for residuals whose noise is white and known: `(J^T J)^-1`. A gene that moves chi-square by
+    /// next to nothing over all of its range has an infinite variance, and shares nothing with the others.
     pub fn covariance(&self) -> Option<SMatrix<T, GENES, GENES>> {
-        self.curvature.cholesky().map(|factor| factor.inverse())
+        let mut told = self.curvature;
+        let is_silent = |gene: &usize| self.curvature[(*gene, *gene)] < T::literal(UNTOLD);
+        for gene in (0..GENES).filter(is_silent) {
+            told.row_mut(gene).fill(T::ZERO);
+            told.column_mut(gene).fill(T::ZERO);
+            told[(gene, gene)] = T::ONE;
+        }
+        let mut covariance = told.cholesky()?.inverse();
+        for gene in (0..GENES).filter(is_silent) {
+            covariance[(gene, gene)] = T::ONE / T::ZERO;
+        }
+        Some(covariance)
     }
 
     /// Standard error of each gene, in genes: the roots of the [covariance](Self::covariance)'s diagonal.

@@ -31,9 +31,16 @@ impl Polished {
     ///
     /// Without any value.
     pub fn standard_error_beside(&self, indices: &[usize]) -> f64 {
-        let shared = |row: usize, column: usize| self.covariance[indices[row]][indices[column]];
-        let told = DMatrix::from_fn(indices.len(), indices.len(), shared).try_inverse();
-        told.map_or_else(|| self.standard_error(indices[0]), |told| told[(0, 0)].recip().sqrt())
+        let first = self.standard_error(indices[0]);
+        if !first.is_finite() {
+            return first;
+        }
+        // One of which the records say nothing has no part in it.
+        let told: Vec<usize> =
+            indices.iter().copied().filter(|&index| self.standard_error(index).is_finite()).collect();
+        let shared = |row: usize, column: usize| self.covariance[told[row]][told[column]];
+        let known = DMatrix::from_fn(told.len(), told.len(), shared).try_inverse();
+        known.map_or(first, |known| known[(0, 0)].recip().sqrt())
     }
 
     /// The rig with the values in it.
@@ -225,6 +232,11 @@ mod tests {
         assert!((beside - size * (1.0 - correlation * correlation).sqrt()).abs() < 1e-9, "{beside}");
         assert!(beside < 0.11 * polished.standard_error(1), "{beside}");
         assert!((polished.standard_error_beside(&[1]) - size).abs() < 1e-12);
+        // What the records say nothing of has no part in it.
+        let mut silent = polished.clone();
+        silent.covariance[0] = vec![f64::INFINITY, 0.0, 0.0];
+        assert!((silent.standard_error_beside(&[1, 2, 0]) - beside).abs() < 1e-12);
+        assert!(silent.standard_error_beside(&[0, 1]).is_infinite());
         // What is told independently widens nothing either way.
         assert!((polished.standard_error_beside(&[1, 0]) - size).abs() < 1e-12);
     }
