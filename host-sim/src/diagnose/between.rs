@@ -9,6 +9,7 @@ use super::search::GROWING_SHARE;
 use crate::fit::{self, Estimate, FitSettings, Reading, TOLD_APART};
 use crate::interrupt;
 use crate::rig::CommandPath;
+use std::borrow::Cow;
 use std::iter;
 
 /// How often jumps are timed beside effects that are then found to be others.
@@ -76,7 +77,7 @@ impl Jumping {
         let may_explain = |model: &Hypothesis, is_in_it: bool| {
             let rig = rig.with_spool_of(&model.rig);
             let there = curved.under(&rig);
-            let in_it = if is_in_it { model.clone() } else { model.refitted(&there) };
+            let in_it = if is_in_it { Cow::Borrowed(model) } else { Cow::Owned(model.refitted(&there)) };
             jumps.at_best_for(&in_it, &there).share_of(model) >= GROWING_SHARE
         };
         let is_worth_timing = |model: &&Hypothesis| {

@@ -32,7 +32,7 @@ pub struct Case<'a> {
     pub(super) rival: Option<f64>,
     /// Is it searched from afar where nothing else explains the records? Once, in the likeliest reading: what that finds is
     /// taken on to the others.
-    pub(super) is_first: bool,
+    pub(super) searches_from_afar: bool,
     /// Whom it tells where it stands.
     pub(super) progress: Progress<'a>,
 }
@@ -59,7 +59,7 @@ impl<'a> Case<'a> {
 
     /// The same as another reading of records for which nothing is found in the likeliest.
     pub(super) fn another(self) -> Self {
-        Case { is_first: false, ..self }
+        Case { searches_from_afar: false, ..self }
     }
 
     /// A case of records that are ready for a rig, of which the first ones are fitted.
@@ -80,7 +80,7 @@ impl<'a> Case<'a> {
             model_error: std::array::from_fn(error),
             timed: None,
             rival: None,
-            is_first: true,
+            searches_from_afar: true,
             progress: Progress::SILENT,
         }
     }

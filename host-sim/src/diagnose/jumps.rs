@@ -278,6 +278,9 @@ impl Jumps {
         let left: DVector<f64> = of_each.iter().flatten().copied().collect::<Vec<_>>().into();
         let of_value = |(index, range): (usize, &rig::Range)| {
             let (value, width) = (fit.values[index], DIFFERENCE * fit.standard_error(index));
+            if !width.is_finite() {
+                return DVector::zeros(left.len());
+            }
             let width = if value + width > range.upper { -width } else { width };
             let mut moved = rig.clone();
             moved.parameters.set(range.parameter, value + width);

@@ -32,6 +32,7 @@ mod candidate;
 mod case;
 mod conclusion;
 mod diagnosis;
+mod growth;
 mod hypothesis;
 mod jumps;
 mod place;

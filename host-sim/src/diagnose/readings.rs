@@ -2,7 +2,7 @@
 
 use super::case::Case;
 use super::conclusion::{Open, conclude, helpful};
-use super::diagnosis::{Diagnosis, Verdict};
+use super::diagnosis::{Diagnosis, Score, Verdict};
 use super::hypothesis::Hypothesis;
 use super::residual;
 use super::search::{self, FirstRound};
@@ -33,14 +33,27 @@ impl Answer {
         self.diagnosis.verdict == Verdict::Unexplained
     }
 
-    /// Do the records speak for it against one in another reading? All of them, or the fitted ones where both leave more
-    /// than noise: a command that jumps between samples may be what is left of the others.
+    /// Do the records speak for it against one in another reading? All of them; where both leave more than noise, the terms
+    /// with which one of them is closer to the fitted records and to the held-out ones, or else what the fitted ones ask
+    /// for: a command that jumps between samples may be what is left of the others.
     fn is_better_than(&self, other: &Self, scale: f64) -> bool {
-        if self.is_unexplained() && other.is_unexplained() {
-            self.asked.cost_of_fitted(1.0) < other.asked.cost_of_fitted(1.0)
-        } else {
-            self.model.cost(scale) < other.model.cost(scale)
+        if !self.is_unexplained() || !other.is_unexplained() {
+            return self.model.cost(scale) < other.model.cost(scale);
         }
+        if self.helps_more_than(other) || other.helps_more_than(self) {
+            return self.helps_more_than(other);
+        }
+        self.asked.cost_of_fitted(1.0) < other.asked.cost_of_fitted(1.0)
+    }
+
+    /// Are there terms with which it is closer than another one to the fitted records, and to the held-out ones?
+    fn helps_more_than(&self, other: &Self) -> bool {
+        let after = |[_, after]: [Score; 2]| after.position_rms;
+        let [own, other] = [&self.diagnosis, &other.diagnosis];
+        let held_out = own.holdout.zip(other.holdout);
+        !own.found.is_empty()
+            && after(own.train) < after(other.train)
+            && held_out.is_some_and(|(own, other)| after(own) < after(other))
     }
 
     /// The model beside which the times of jumps are fitted: where it explains nothing, they may have been wrong for what

@@ -220,7 +220,7 @@ impl Growth<'_> {
 
     /// Where nothing that was tried leaves noise: grows what a search from afar finds to be better than all of it.
     fn run_from_afar(&mut self, settings: &FitSettings) {
-        if self.is_done() || !self.case.is_first {
+        if self.is_done() || !self.case.searches_from_afar {
             return;
         }
         let Self { case, tried } = &*self;

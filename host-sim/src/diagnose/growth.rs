@@ -1,0 +1,274 @@
+//! What a model grows into: with one more effect that its records ask for, or another in the place of one.
+
+use super::Case;
+use super::candidate::{self, Candidate, Prospect};
+use super::hypothesis::{Hypothesis, beyond_noise};
+use super::place::Place;
+use super::residual;
+use super::search::BEAM;
+use super::weighing::Earned;
+use crate::fit::{self, FitSettings, TOLD_APART};
+use crate::interrupt;
+use crate::rig::Range;
+use eha_monitor::effect::{EFFECTS, EffectInfo};
+use eha_monitor::fit::identify::within_noise;
+use rayon::prelude::*;
+
+/// Fall of chi-square that the linear model must foresee for an effect to be fitted: far below what is accepted.
+const PROMISING: f64 = 4.0;
+/// Part of a fall of chi-square that is wanted which the linear model must foresee.
+const FORESEEN: f64 = 0.1;
+/// Part of its price that the linear model must foresee for an effect to be fitted beside others that leave noise.
+const HIDDEN: f64 = 0.5;
+/// Most effects that are approached by rough fits for a hypothesis where not all are wanted, the most promising first.
+const MOST_APPROACHED: usize = 10;
+/// Most of them that are fitted, to the fitted records and to all: more than look alike in the position alone, so that
+/// the held-out records decide among these.
+const MOST_FITTED: usize = 8;
+/// Steps of a rough fit, and by how many it goes on where none leads to noise: where channels say far more than the position
+/// does, the way to the bottom can be long and bent.
+const FEW_STEPS: u32 = 3;
+const MANY_STEPS: u32 = 12;
+/// How often a model moves to a better valley.
+const MOST_MOVES: usize = 3;
+/// A candidate whose odds against the best one are these (twice the logarithm; 10^50 to 1) is not fitted to the
+/// held-out records: they could not make up for it.
+const HOPELESS: f64 = 230.0;
+
+impl Hypothesis {
+    /// Fits the effects that promise to lower chi-square, and those that are mixed up with a fault: the fault may be
+    /// far from the truth in place of the effect, and the linear model there says nothing. The best first. `wanted` is
+    /// the fall of chi-square that is of interest, at least that of the best: where the linear model foresees a small
+    /// part of it only, or the approach reaches no more, the fit will not reach it. `others` are more values to start
+    /// from.
+    /// All are approached where that is wanted, and the fitted records ask for something.
+    fn fit_promising(
+        &self,
+        case: &Case<'_>,
+        wanted: f64,
+        others: &[Vec<f64>],
+        all_wanted: bool,
+    ) -> Vec<Candidate> {
+        let base = self.train.misfit.chi_square;
+        let gain = |prospect: &Prospect| base - prospect.foreseen.misfit.chi_square;
+        let (mut asked, mut promising): (Vec<&Prospect>, Vec<&Prospect>) =
+            self.prospects(case).iter().partition(|prospect| self.confuses(case, prospect));
+        let wanted = promising.iter().copied().map(gain).fold(wanted, f64::max);
+        let is_noise = within_noise(&self.train.misfit);
+        let hides = is_noise && !self.added.is_empty();
+        let least = |prospect: &Prospect| {
+            if hides {
+                HIDDEN * self.price(prospect.effect, 1.0)
+            } else if all_wanted && !is_noise {
+                // The faults may be far off to make up for an effect: the linear model there says nothing.
+                f64::NEG_INFINITY
+            } else {
+                PROMISING.max(FORESEEN * wanted)
+            }
+        };
+        promising.retain(|prospect| gain(prospect) > least(prospect));
+        asked.retain(|prospect| !hides || gain(prospect) > least(prospect));
+        promising.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
+        if !all_wanted {
+            promising.truncate(MOST_APPROACHED);
+        }
+        promising.append(&mut asked);
+        case.progress.expect(promising.len());
+        let mut near: Vec<Candidate> = promising
+            .into_par_iter()
+            .filter(|_| !interrupt::requested())
+            .filter_map(|prospect| case.told(prospect.approach(&self.rig, case.train(), others, FEW_STEPS)))
+            .collect();
+        if !near.iter().any(|near| within_noise(&near.fit.misfit)) {
+            case.progress.expect(near.len());
+            near = near
+                .into_par_iter()
+                .filter(|_| !interrupt::requested())
+                .filter_map(|near| case.told(near.further(&self.rig, case.train(), MANY_STEPS)))
+                .collect();
+        }
+        let reached = |near: &Candidate| base - near.fit.misfit.chi_square;
+        let wanted = near.iter().map(reached).fold(wanted, f64::max);
+        near.retain(|near| reached(near) > FORESEEN * wanted);
+        near.sort_by(|a, b| reached(b).total_cmp(&reached(a)));
+        near.truncate(MOST_FITTED);
+        case.progress.expect(near.len());
+        let mut candidates: Vec<Candidate> = near
+            .into_par_iter()
+            .filter(|_| !interrupt::requested())
+            .filter_map(|near| case.told(near.finished(&self.rig, case.train())))
+            .collect();
+        candidates.sort_by(candidate::lower);
+        candidates
+    }
+
+    /// The effects that the fitted records may ask for. What is left after an effect is coloured: what takes less than
+    /// a tenth of it is not worth a fit.
+    fn promising(&self, case: &Case<'_>, all_wanted: bool) -> Vec<Candidate> {
+        let wanted = beyond_noise(&self.train.misfit).filter(|_| !self.added.is_empty());
+        self.fit_promising(case, wanted.unwrap_or(0.0), &[], all_wanted)
+    }
+
+    /// Makes hypotheses of candidates.
+    fn with(&self, case: &Case<'_>, candidates: Vec<Candidate>) -> Vec<Self> {
+        candidates
+            .into_par_iter()
+            .map(|candidate| {
+                let effect = candidate.effect;
+                let new = self.joined(case, candidate);
+                let other = if new.is_in_doubt() { self.elsewhere(case, effect) } else { None };
+                let better = |other: &Self| other.joint.misfit.chi_square < new.joint.misfit.chi_square;
+                other.filter(better).unwrap_or(new)
+            })
+            .collect()
+    }
+
+    /// The model with a candidate in it.
+    fn joined(&self, case: &Case<'_>, candidate: Candidate) -> Self {
+        let added = self.and(candidate.effect);
+        Self::validated(case, candidate.applied(&self.rig), candidate.ranges, candidate.fit, added)
+    }
+
+    /// The model with an effect in the valley that all records show best.
+    fn elsewhere(&self, case: &Case<'_>, effect: &'static EffectInfo) -> Option<Self> {
+        let all = candidate::found(effect, &self.rig, &self.ranges, case.records, FEW_STEPS)?;
+        let (ranges, fit) = candidate::fitted(&self.rig, all.ranges, &all.fit.values, case.train())?;
+        Some(self.joined(case, Candidate { effect, ranges, fit }))
+    }
+
+    /// The model with one of its effects looked for anew beside the others.
+    pub(super) fn again(&self, case: &Case<'_>, effect: &'static EffectInfo) -> Option<Self> {
+        let without = self.without(case, effect);
+        let found = candidate::found(effect, &without.rig, &without.ranges, case.train(), MANY_STEPS)?;
+        Some(without.joined(case, found))
+    }
+
+    /// The model with one more effect that all records ask for, where the fitted ones alone ask for nothing more.
+    fn asked_by_all(&self, case: &Case<'_>) -> Vec<Self> {
+        let whole = Case { fitted: case.records.len(), ..*case };
+        let of_all = self.as_all_have_it();
+        let scale = self.scale();
+        let is_asked_for = |candidate: &Candidate| {
+            let gain = (self.joint.misfit.chi_square - candidate.fit.misfit.chi_square) / scale;
+            gain > self.price(candidate.effect, scale)
+        };
+        let asked: Vec<Candidate> =
+            of_all.promising(&whole, self.added.is_empty()).into_iter().filter(is_asked_for).collect();
+        asked
+            .into_par_iter()
+            .filter_map(|Candidate { effect, ranges, fit: joint }| {
+                let (ranges, fit) = candidate::fitted(&self.rig, ranges, &joint.values, case.train())?;
+                let new = Candidate { effect, ranges, fit };
+                let rig = new.applied(&self.rig);
+                Some(Self::of(case, rig, new.ranges, [new.fit, joint], self.and(effect)))
+            })
+            .collect()
+    }
+
+    /// This model in a better valley, where the fits of more effects show it one.
+    fn moved(&self, case: &Case<'_>, candidates: &[Candidate]) -> Option<Self> {
+        let shown = candidates.iter().map(|candidate| {
+            let values = &candidate.fit.values[..self.ranges.len()];
+            (values, fit::misfit(&self.rig, &self.ranges, values, case.train()).chi_square)
+        });
+        let (values, _) = shown.min_by(|(_, a), (_, b)| a.total_cmp(b))?;
+        let train = fit::polish(&self.rig, &self.ranges, values, case.train())?;
+        self.at_lower(case, train)
+    }
+
+    /// The hypotheses with one more effect that the fitted records ask for. Where the fits of these show a better
+    /// valley of the model without them, it moves there first. Where the fitted records are explained and the held-out
+    /// ones speak against that, all of them are asked; `known` is what was fitted before. Effects of which the linear model
+    /// foresees little are tried as well where all are wanted.
+    pub(super) fn grow(&mut self, case: &Case<'_>, known: &[Self], all_wanted: bool) -> Vec<Self> {
+        if self.is_in_doubt() || self.is_contradicted(known) {
+            let asked = self.asked_by_all(case);
+            if !asked.is_empty() {
+                return asked;
+            }
+        }
+        let mut candidates = self.promising(case, all_wanted);
+        for _ in 0..MOST_MOVES {
+            let Some(moved) = self.moved(case, &candidates) else { break };
+            *self = moved;
+            candidates = self.promising(case, all_wanted);
+        }
+        let Some(best) = candidates.first() else { return Vec::new() };
+        let scale = best.fit.misfit.mean_square().max(1.0);
+        // Samples of what is not noise say the same thing again and again: so many are one.
+        let repeats = if within_noise(&best.fit.misfit) {
+            1.0
+        } else {
+            let predictions = fit::predict(&best.applied(&self.rig), case.train());
+            residual::correlation_time(case.train(), &predictions)
+        };
+        let best = best.fit.misfit.chi_square;
+        let base = self.train.misfit.chi_square;
+        let is_hopeful = |(place, candidate): &(usize, Candidate)| {
+            let chi_square = candidate.fit.misfit.chi_square;
+            let samples_of_one = if *place < BEAM { repeats } else { 1.0 };
+            (base - chi_square) / scale > self.price(candidate.effect, scale)
+                && (chi_square - best) / scale < HOPELESS * samples_of_one
+        };
+        let candidates = candidates.into_iter().enumerate().filter(is_hopeful);
+        let candidates = candidates.map(|(_, candidate)| candidate).collect();
+        self.with(case, candidates)
+    }
+
+    /// The hypotheses with one more effect that fit better than a bound where everything free is searched for anew, the
+    /// faults in all of their ranges: what no slope leads to from here.
+    pub(super) fn searched(&self, case: &Case<'_>, settings: &FitSettings, bound: f64) -> Vec<Self> {
+        let applied = |effect: &&'static EffectInfo| candidate::applies(effect, &self.rig, &self.ranges);
+        let search = |effect| {
+            case.told(candidate::searched(effect, &self.rig, &self.ranges, case.train(), settings, bound))
+        };
+        let applied: Vec<_> = EFFECTS.iter().filter(applied).collect();
+        case.progress.expect(applied.len());
+        let mut found: Vec<Candidate> = applied.into_par_iter().filter_map(search).collect();
+        found.sort_by(candidate::lower);
+        found.truncate(MOST_FITTED);
+        self.with(case, found)
+    }
+
+    /// The effects that could stand in for one that was added: with each in its place, the others kept, the records
+    /// are explained as well.
+    pub(super) fn stand_ins(&self, case: &Case<'_>, earned: &Earned) -> Vec<Self> {
+        let (scale, is_explained) = (self.scale(), self.leaves_noise(case));
+        let mine = |chi_square: f64, effect| chi_square / scale + self.price(effect, scale) + TOLD_APART;
+        let limit = mine(self.train.misfit.chi_square, earned.effect);
+        let joint_limit = mine(self.joint.misfit.chi_square, earned.effect);
+        let without = &earned.without;
+        let here = Place::of(&self.rig, &without.ranges);
+        let wanted = without.train.misfit.chi_square - scale * limit;
+        let mut others =
+            without.fit_promising(case, wanted, std::slice::from_ref(&here.values), without.added.is_empty());
+        if let Some(twin) = self.twin(case, earned, &here) {
+            others.retain(|other| other.effect.name != twin.effect.name);
+            others.push(twin);
+        }
+        others.retain(|other| {
+            other.effect.name != earned.effect.name
+                && other.fit.misfit.chi_square / scale + self.price(other.effect, scale) < limit
+        });
+        let mut others = without.with(case, others);
+        others.retain(|other| {
+            let price = other.added.last().map_or(0.0, |effect| self.price(effect, scale));
+            other.joint.misfit.chi_square / scale + price < joint_limit
+                && (!is_explained || other.leaves_noise(case))
+        });
+        others
+    }
+
+    /// The effect that cannot be told from one that was added, in its place; `here` is what else is free.
+    fn twin(&self, case: &Case<'_>, earned: &Earned, here: &Place) -> Option<Candidate> {
+        let rig = &earned.without.rig;
+        let (effect, value) = earned.effect.twin(&self.rig.parameters, &rig.parameters)?;
+        if !candidate::applies(effect, rig, &here.ranges) {
+            return None;
+        }
+        let range = Range::around(effect.parameters[0], value, effect.sizes[0]);
+        let start = here.with(&Place { ranges: vec![range], values: vec![value] });
+        let (ranges, fit) = candidate::fitted(rig, start.ranges, &start.values, case.train())?;
+        Some(Candidate { effect, ranges, fit })
+    }
+}

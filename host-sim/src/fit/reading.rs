@@ -1,0 +1,148 @@
+//! What records do not say, and the fit of those in which they speak for it: the path of a command between its samples, and
+//! when a spool sticks.
+
+use super::search::or_from_seeds;
+use super::visits::generations;
+use super::{Fit, FitSettings, Prepared, Standing, TOLD_APART, Visit, fit, prepare};
+use crate::record::Record;
+use crate::rig::{CommandPath, Range, Rig};
+use eha_monitor::fit::identify::{self, StopReason};
+use eha_monitor::fit::problem::Misfit;
+
+/// Share of what one reading leaves beyond noise that another must undercut to be taken though it leaves more than noise
+/// itself.
+const SHARE_LEFT: f64 = 0.5;
+
+/// Seeds from which records are searched where the first leaves more than noise.
+const MORE_SEEDS: u64 = 4;
+
+/// Records, and the rig that they are read with.
+#[derive(Clone)]
+pub struct Reading {
+    /// The rig: it says what the command does between its samples, and when the spool sticks.
+    pub rig: Rig,
+    /// The records as that takes them.
+    pub records: Vec<Prepared>,
+}
+
+impl Reading {
+    /// The readings that a rig leaves open, its own first: a command that goes from sample to sample on straight lines or
+    /// on a curve, and a spool that slides until its driving force has fallen to the sliding friction, or sticks as soon as
+    /// that force would not set it going.
+    pub fn all(rig: &Rig, records: &[Prepared]) -> Vec<Self> {
+        let mut all = vec![Self { rig: rig.clone(), records: records.to_vec() }];
+        all.extend(curved(rig, records));
+        let sticking = |reading: &Self| {
+            let records = reading.records.clone();
+            reading.rig.with_sticking_spool().map(|rig| Self { rig, records })
+        };
+        let others: Vec<Self> = all.iter().filter_map(sticking).collect();
+        all.extend(others);
+        all
+    }
+}
+
+/// A fit of records in the reading that they speak for.
+pub struct AsRead {
+    /// The reading.
+    pub reading: Reading,
+    /// The fit, with the effort of all readings. Its intervals hold those of the others that may be it as well.
+    pub fit: Fit,
+    /// Did another reading do as well, and widen an interval by more than a standard error?
+    pub is_open: bool,
+}
+
+/// Fits the ranges to records in every reading that the rig leaves open. Where that leaves more than noise in all of them,
+/// each is fitted from more seeds: a search may have ended in a wrong valley.
+pub fn fit_as_read(
+    rig: &Rig,
+    ranges: &[Range],
+    records: &[Prepared],
+    settings: &FitSettings,
+    watch: impl Fn(Standing) + Sync,
+) -> AsRead {
+    let mut fitted: Vec<(Reading, Fit)> = Vec::new();
+    for reading in Reading::all(rig, records) {
+        if fitted.iter().any(|(_, fit)| fit.interrupted) {
+            break;
+        }
+        let fit = fit(&reading.rig, ranges, &reading.records, settings, &watch);
+        fitted.push((reading, fit));
+    }
+    let is_known = fitted.iter().any(|(_, fit)| fit.interrupted || fit.stop == StopReason::NoiseReached);
+    let seeds = if is_known { 1 } else { MORE_SEEDS };
+    let settled = |(reading, first): (Reading, Fit)| {
+        let Reading { rig, records } = &reading;
+        let fit = or_from_seeds(first, rig, ranges, records, settings, seeds, &watch);
+        let fit = fit.settled(rig, ranges, records);
+        (reading, fit)
+    };
+    let mut fitted: Vec<(Reading, Fit)> = fitted.into_iter().map(settled).collect();
+    let misfits: Vec<Misfit<f64>> = fitted.iter().map(|(_, fit)| fit.misfit).collect();
+    let mut chosen = speaks_for(&misfits);
+    if fitted[chosen].1.interrupted {
+        chosen = 0;
+    }
+    let mut visits: Vec<Visit> = Vec::new();
+    let mut evaluations = 0;
+    for (reading, (_, fit)) in fitted.iter_mut().enumerate() {
+        let in_all = |visit: Visit| Visit { evaluations: evaluations + visit.evaluations, reading, ..visit };
+        visits.extend(fit.visits.drain(..).map(in_all));
+        evaluations += fit.evaluations;
+    }
+    let generations = generations(&visits, settings.population);
+    let seconds = fitted.iter().map(|(_, fit)| fit.seconds).sum();
+    let interrupted = fitted.iter().any(|(_, fit)| fit.interrupted);
+    let (reading, fit) = fitted.swap_remove(chosen);
+    let mut fit = Fit { evaluations, generations, seconds, interrupted, visits, reading: chosen, ..fit };
+    let mut is_open = false;
+    for (_, other) in &fitted {
+        is_open |= gain_of(&fit.misfit, &other.misfit).abs() <= TOLD_APART && fit.hold(other);
+    }
+    AsRead { reading, fit, is_open }
+}
+
+/// Would the ranges fit the records down to the noise if their commands had been recorded one sample earlier? Then that is
+/// what is wrong with them: no actuator answers a command that is still to come.
+pub fn is_command_late(rig: &Rig, ranges: &[Range], records: &[Record], settings: &FitSettings) -> bool {
+    let earlier: Vec<Prepared> =
+        records.iter().map(|record| prepare(rig, &record.with_earlier_command())).collect();
+    let moved = fit_as_read(rig, ranges, &earlier, settings, |_| {});
+    moved.fit.stop == StopReason::NoiseReached
+}
+
+/// Of misfits of the same model in several readings, the place of the one that the records speak for: the first, unless
+/// another is told apart from it, and leaves noise, or far less beyond it.
+pub fn speaks_for(misfits: &[Misfit<f64>]) -> usize {
+    let beyond_noise = |misfit: &Misfit<f64>| misfit.mean_square() - 1.0;
+    let is_better = |now: &Misfit<f64>, other: &Misfit<f64>| {
+        let leaves_less =
+            identify::within_noise(other) || beyond_noise(other) < SHARE_LEFT * beyond_noise(now);
+        leaves_less && gain_of(now, other) > TOLD_APART
+    };
+    let mut best = 0;
+    for (place, misfit) in misfits.iter().enumerate().skip(1) {
+        if is_better(&misfits[best], misfit) {
+            best = place;
+        }
+    }
+    best
+}
+
+/// Fall of chi-square from one reading to another, in units of the mean square that the better one leaves.
+fn gain_of(one: &Misfit<f64>, other: &Misfit<f64>) -> f64 {
+    let scale = one.mean_square().min(other.mean_square()).max(1.0);
+    (one.chi_square - other.chi_square) / scale
+}
+
+/// The rig and its records with the command on a curve between its samples. None where the rig does not leave the path
+/// open, and where the curve is no other than the straight lines.
+pub fn curved(rig: &Rig, records: &[Prepared]) -> Option<Reading> {
+    if rig.command_path != CommandPath::Open {
+        return None;
+    }
+    let curved = Rig { command_path: CommandPath::Curve, ..rig.clone() };
+    let other: Vec<Prepared> = records.iter().map(|record| record.along(&curved)).collect();
+    let differs = other.iter().zip(records).any(|(curve, lines)| !curve.flies_as(lines));
+    differs.then_some(Reading { rig: curved, records: other })
+}
