@@ -71,8 +71,10 @@ pub trait Real: Scalar<Mask = bool> + PartialOrd {
     /// Largest integer not above `self`, for magnitudes below 2^31.
     fn whole(self) -> Self;
 
-    /// Series of `exp(x)`. A constant of the type, as the two below, so that no double-precision code reaches an MCU however
-    /// the compiler is set.
+    /// Distance from 1 to the next larger number. A constant of the type, as those below, so that no double-precision code reaches an
+    /// MCU however the compiler is set.
+    const RESOLUTION: Self;
+    /// Series of `exp(x)`.
     const EXPONENTIAL: [Self; 16];
     /// Series of `cos(x)` in `x^2`.
     const COSINE: [Self; 8];
@@ -180,6 +182,7 @@ macro_rules! scalar {
             reason = "one text for both precisions; the cast is lossless for `f64` only"
         )]
         impl Real for $float {
+            const RESOLUTION: Self = <$float>::EPSILON;
             const EXPONENTIAL: [Self; 16] = $series(1.0, 0, 1);
             const COSINE: [Self; 8] = $series(-1.0, 0, 2);
             const SINE: [Self; 8] = $series(-1.0, 1, 2);

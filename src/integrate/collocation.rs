@@ -26,6 +26,9 @@ const ITERATIONS: usize = 5;
 /// Where Newton's method ends: its last change moves the ram by this part of the allowed error.
 const CONVERGED: f64 = 0.05;
 
+/// Distance from the middle at which a ram is thought to be where it is asked what the scalar tells apart there, m.
+const TRAVEL: f64 = 0.1;
+
 /// What the nodes of a parabola (start, middle, end) add to the state.
 #[derive(Clone, Copy, Debug)]
 struct Weights<T, const N: usize>([[T; N]; 3]);
@@ -81,14 +84,17 @@ struct Ladder<T, const N: usize> {
 /// Steps for a model of `N` states, with matrices for `SLOTS` modes kept at a time.
 #[derive(Clone, Debug)]
 pub struct Collocation<T, const N: usize, const SLOTS: usize> {
+    /// What is asked for, m, and what is allowed: no less than the scalar tells apart.
     tolerance: T,
+    allowed: T,
     cache: Cache<T, Ladder<T, N>, N, RUNGS, SLOTS>,
 }
 
 impl<T: Real, const N: usize, const SLOTS: usize> Collocation<T, N, SLOTS> {
-    /// Steps that err by less than some metres of ram position by their own estimate.
+    /// Steps that err by less than some metres of ram position by their own estimate; by no more than the scalar tells
+    /// apart, where that is more.
     pub const fn new(tolerance: T) -> Self {
-        Self { tolerance, cache: Cache::new() }
+        Self { tolerance, allowed: T::ZERO, cache: Cache::new() }
     }
 }
 
@@ -135,7 +141,12 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Collocation<T, 
     const SHIFT: u32 = 1;
     const ESTIMATES: bool = true;
 
+    fn takes(&self, model: &Model<T>) -> bool {
+        model.order() <= N
+    }
+
     fn begin(&mut self, sample_period: T, has_force: bool, rig_changed: bool) {
+        self.allowed = self.tolerance.larger(T::RESOLUTION * T::literal(TRAVEL));
         self.cache.begin(sample_period, has_force, rig_changed, 1 << Self::TOP);
     }
 
@@ -170,15 +181,18 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Collocation<T, 
         let Some(answers) = ladder.answers.get(level) else { return Step::exact(*state) };
         let (force, layout) = (self.cache.force(force_rate), self.cache.layout);
         let affine = |rung: usize| {
-            ladder.rungs[rung].change(&self.cache.terms[rung], layout, state, input, force.as_ref())
+            let (rung, terms) = ladder.rungs.get(rung).zip(self.cache.terms.get(rung))?;
+            Some(rung.change(terms, layout, state, input, force.as_ref()))
         };
-        let (middle, end) = (affine(level), affine(level + 1));
+        let (Some(middle), Some(end)) = (affine(level), affine(level + 1)) else {
+            return Step::exact(*state);
+        };
         let start = model.curved(mode, state);
         let mut force = Nodes::constant(start.force);
         let mut pressure = Nodes::constant(start.pressure_rate);
         let mut moved = T::ZERO;
         let pressure_index = layout.index(PRESSURE);
-        let allowed = self.tolerance * T::literal(CONVERGED);
+        let allowed = self.allowed * T::literal(CONVERGED);
         for _ in 0..ITERATIONS {
             let (mut there, mut then) = (middle, end);
             answers.force.middle.add(&mut there, force.values);
@@ -208,7 +222,7 @@ impl<T: Real, const N: usize, const SLOTS: usize> Stepper<T> for Collocation<T, 
             answers.pressure_rate.end.add(&mut change, pressure.values);
             error += pressure.bend(&answers.pressure_rate);
         }
-        Step { state: state.moved(&change, &layout), error: error / self.tolerance }
+        Step { state: state.moved(&change, &layout), error: error / self.allowed }
     }
 }
 

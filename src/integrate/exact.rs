@@ -64,6 +64,10 @@ impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Stepper<T
     const TOP: usize = LEVELS - 1;
     const SHIFT: u32 = 2;
 
+    fn takes(&self, model: &Model<T>) -> bool {
+        model.is_affine() && model.order() <= N
+    }
+
     fn begin(&mut self, sample_period: T, has_force: bool, rig_changed: bool) {
         self.cache.begin(sample_period, has_force, rig_changed, Self::FINEST_PER_COARSEST);
     }

@@ -32,6 +32,10 @@ impl<T: Real> Stepper<T> for Midpoint<T> {
     const TOP: usize = 1;
     const SHIFT: u32 = 2;
 
+    fn takes(&self, _: &Model<T>) -> bool {
+        true
+    }
+
     fn begin(&mut self, sample_period: T, _: bool, _: bool) {
         // A hundredth of a step is forgiven, so that 1 ms in steps of 1 us is 1000 in every precision.
         let due = sample_period - self.longest_step * T::literal(1e-2);

@@ -210,6 +210,9 @@ pub trait Stepper<T: Real> {
     /// Do its steps say how far they err? Otherwise they are exact, or of a fixed length.
     const ESTIMATES: bool = false;
 
+    /// Can it step a model?
+    fn takes(&self, model: &Model<T>) -> bool;
+
     /// Gets ready for a run: the sample period, s, whether a force input is ever not zero, and whether a parameter
     /// that reaches the dynamics has changed since the last run.
     fn begin(&mut self, sample_period: T, has_force: bool, rig_changed: bool);

@@ -3,6 +3,9 @@
 use super::frame::{Decoder, LONGEST, Received, encode};
 use super::message::{FAULTS, FromMonitor, ReportMessage, Setup, ToMonitor};
 use crate::integrate::Stepper;
+use crate::integrate::collocation::Collocation;
+use crate::integrate::exact::Exact;
+use crate::model::state::{BASE_ORDER, FULL_ORDER};
 use crate::monitor::Monitor;
 use crate::monitor::report::Report;
 use crate::monitor::sample::Sample;
@@ -11,6 +14,17 @@ use crate::monitor::sample::Sample;
 pub const WINDOW: usize = 1000;
 /// Members of the population of both.
 pub const POPULATION: usize = 20;
+
+/// Steps for most rigs: piecewise affine models of five states.
+pub type PlainSteps<const SLOTS: usize> = Exact<f32, BASE_ORDER, SLOTS>;
+
+/// Steps for every rig: its matrices take four times the memory.
+pub type AnySteps<const SLOTS: usize> = Collocation<f32, FULL_ORDER, SLOTS>;
+
+/// Steps for every rig, each of which may move the ram by as little in error as single precision tells apart: all zeros.
+pub const fn any_steps<const SLOTS: usize>() -> AnySteps<SLOTS> {
+    Collocation::new(0.0)
+}
 
 /// A monitor and its end of the line.
 #[derive(Debug)]

@@ -77,9 +77,14 @@ impl Layout {
     #[inline(never)]
     pub fn of(moving: u8) -> Self {
         let mut layout = Self { extras: [FULL_ORDER as u8; EXTRAS] };
-        let places = Self::NATURAL.extras.into_iter().enumerate().filter(|(bit, _)| moving >> bit & 1 != 0);
-        for (extra, (_, place)) in layout.extras.iter_mut().zip(places) {
-            *extra = place;
+        let mut carried = 0;
+        for (bit, &place) in Self::NATURAL.extras.iter().enumerate() {
+            if moving >> bit & 1 != 0
+                && let Some(extra) = layout.extras.get_mut(carried)
+            {
+                *extra = place;
+                carried += 1;
+            }
         }
         layout
     }

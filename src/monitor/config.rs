@@ -63,6 +63,8 @@ pub enum ConfigError {
     Parameter(Parameter),
     /// Two faults are the same parameter.
     Twice(Parameter),
+    /// The monitor's steps cannot take the model.
+    Model,
 }
 
 impl<const FAULTS: usize> Config<FAULTS> {
@@ -117,7 +119,8 @@ impl<const FAULTS: usize> Config<FAULTS> {
         [self.noise.user.max(LEAST_USER_NOISE), self.noise.current.max(LEAST_CURRENT_NOISE)]
     }
 
-    /// The model of a set of genes.
+    /// The model of a set of genes. Not inlined: two places would hold it.
+    #[inline(never)]
     pub(super) fn model(&self, genes: &[f32; FAULTS]) -> Model<f32> {
         let mut parameters = self.parameters;
         self.set(&mut parameters, genes);

@@ -156,6 +156,9 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     #[inline(never)]
     pub fn configure(&mut self, config: &Config<FAULTS>) -> Result<(), ConfigError> {
         config.check()?;
+        if !self.can_step(config) {
+            return Err(ConfigError::Model);
+        }
         self.config = Slot::Full(*config);
         self.has_begun = false;
         for window in &mut self.windows {
@@ -178,6 +181,12 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         self.evidence = [Evidence::NONE; FAULTS];
         self.outbox = Slot::Empty;
         Ok(())
+    }
+
+    /// Can its steps take the model? A function of its own: otherwise the stack would hold a model while the rest is done.
+    #[inline(never)]
+    fn can_step(&self, config: &Config<FAULTS>) -> bool {
+        self.stepper.takes(&config.model(&[0.0; FAULTS]))
     }
 
     /// What it was told of its actuator.

@@ -6,8 +6,11 @@ pub use limits::Budget;
 
 use crate::emulator::{Binary, BuildOptions, Emulator, Footprint, Machine};
 use crate::failure::Failure;
-use crate::hil::{Session, line::Line};
+use crate::hil::{Image, Session, line::Line};
 use std::collections::BTreeMap;
+
+/// The images of the streaming monitor, as `budgets.toml` names them.
+const MONITORS: [(&str, Image); 2] = [("monitor", Image::Plain), ("any_rig", Image::AnyRig)];
 
 /// One figure against its limit.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -48,7 +51,9 @@ impl Target {
     /// It does not build or run, or a budget of the file is not measured.
     pub fn measure(machine: Machine, features: &[&str]) -> Result<Self, Failure> {
         let mut measures = of_workload(machine, features)?;
-        measures.append(&mut of_monitor(machine, features)?);
+        for (name, image) in MONITORS {
+            measures.append(&mut of_monitor(name, image, machine, features)?);
+        }
         let measure = |budget: Budget| {
             let (value, limit) = (budget.figure(&measures)?, budget.limit(machine.name())?);
             Ok(Measure { budget, value, limit })
@@ -73,15 +78,20 @@ fn of_workload(machine: Machine, features: &[&str]) -> Result<BTreeMap<String, u
     Ok(named("workload", log.measures, &footprint))
 }
 
-/// What the streaming monitor measures on a short flight, and what its image takes.
-fn of_monitor(machine: Machine, features: &[&str]) -> Result<BTreeMap<String, u64>, Failure> {
-    let options = BuildOptions::for_machine(machine).with(Binary::Monitor, features);
+/// What an image of the streaming monitor measures on a short flight, and what it takes.
+fn of_monitor(
+    name: &str,
+    image: Image,
+    machine: Machine,
+    features: &[&str],
+) -> Result<BTreeMap<String, u64>, Failure> {
+    let session = Session::reference(image)?;
+    let options = session.build_options(machine, features);
     let footprint = options.build().and_then(|firmware| firmware.footprint()).map_err(Failure::other)?;
-    let session = Session::reference()?;
     let outcome = session.run(Line::to_emulator(machine, features, &session)?, |_| {})?;
     let log = outcome.log.ok_or_else(|| Failure::other("the monitor's run left no log"))?;
     ended_well(machine, log.exit_code)?;
-    Ok(named("monitor", log.measures, &footprint))
+    Ok(named(name, log.measures, &footprint))
 }
 
 /// What a run measured and what its image takes, as `budgets.toml` names them.

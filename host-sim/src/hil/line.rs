@@ -1,7 +1,7 @@
 //! The line to the monitor: an emulated board's, or a serial port.
 
 use super::Session;
-use crate::emulator::{Binary, BuildOptions, DEFAULT_TIME_LIMIT, Emulator, EmulatorError, Machine, RunLog};
+use crate::emulator::{DEFAULT_TIME_LIMIT, Emulator, EmulatorError, Machine, RunLog};
 use crate::failure::Failure;
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -28,13 +28,12 @@ pub struct Line {
 }
 
 impl Line {
-    /// Builds the firmware for an emulated board, with further features, and starts it for a session.
+    /// Builds the firmware that a session needs for an emulated board, with further features, and starts it.
     ///
     /// # Errors
     /// It does not build, or QEMU does not start.
     pub fn to_emulator(machine: Machine, features: &[&str], session: &Session) -> Result<Self, Failure> {
-        let options = BuildOptions::for_machine(machine).with(Binary::Monitor, features);
-        let firmware = options.build().map_err(Failure::other)?;
+        let firmware = session.build_options(machine, features).build().map_err(Failure::other)?;
         let listener = TcpListener::bind(("127.0.0.1", 0)).map_err(Failure::other)?;
         listener.set_nonblocking(true).map_err(Failure::other)?;
         let port = listener.local_addr().map_err(Failure::other)?.port();

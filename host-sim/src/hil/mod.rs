@@ -7,17 +7,16 @@ pub mod damage;
 pub mod line;
 pub mod stream;
 
-use crate::emulator::RunLog;
+use crate::emulator::{Binary, BuildOptions, Machine, RunLog};
 use crate::failure::Failure;
 use crate::rig::{BUILT_IN, Rig};
 use damage::{Damage, Injected};
 use eha_monitor::fit::problem::Free;
-use eha_monitor::integrate::exact::Exact;
+use eha_monitor::integrate::Stepper;
 use eha_monitor::link::frame::{Decoder, LONGEST, encode};
 use eha_monitor::link::message::{FAULTS, FromMonitor, ReportMessage, SAMPLES, Setup, ToMonitor};
-use eha_monitor::link::station::{POPULATION, Station, WINDOW};
+use eha_monitor::link::station::{POPULATION, PlainSteps, Station, WINDOW, any_steps};
 use eha_monitor::model::Model;
-use eha_monitor::model::state::BASE_ORDER;
 use eha_monitor::monitor::config::{Config, ConfigError, Fault};
 use eha_monitor::parameter::Parameter;
 use eha_monitor::trial::SensorNoise;
@@ -57,11 +56,31 @@ fn refusal(error: ConfigError) -> String {
             format!("refuses the value of `{}`, which is out of its range", name(parameter))
         }
         ConfigError::Twice(parameter) => format!("watches `{}` once only", name(parameter)),
+        ConfigError::Model => "cannot step the model of this rig".to_owned(),
     }
 }
 
-/// The host's station.
-type Twin = Station<Exact<f32, BASE_ORDER, SLOTS>, WINDOW, POPULATION>;
+/// The images of the firmware's monitor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Image {
+    /// For piecewise affine rigs of five states.
+    Plain,
+    /// For every rig.
+    AnyRig,
+}
+
+impl Image {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Plain, Self::AnyRig];
+
+    /// The feature of `eha-monitor` that it is built with.
+    pub const fn feature(self) -> Option<&'static str> {
+        match self {
+            Self::Plain => None,
+            Self::AnyRig => Some("any-rig"),
+        }
+    }
+}
 
 /// What goes over the line.
 #[derive(Clone, Debug)]
@@ -102,12 +121,16 @@ struct Piece {
 }
 
 impl Session {
-    /// The flight that budgets are measured on: the second window has grown faults, the third knows them.
+    /// The flight that the budgets of an image are measured on: the second window has grown faults, the third knows them.
+    /// Where the image takes every rig, the spool meters by the square root of the pressure drop.
     ///
     /// # Errors
     /// None, unless the built-in rig is broken.
-    pub fn reference() -> Result<Self, Failure> {
-        let rig = Rig::load(BUILT_IN[0].name)?;
+    pub fn reference(image: Image) -> Result<Self, Failure> {
+        let mut rig = Rig::load(BUILT_IN[0].name)?;
+        if image == Image::AnyRig {
+            rig.parameters.metering_blend = 1.0;
+        }
         let fault = |parameter, lower, upper, healthy, alarm| Fault {
             free: Free { parameter, lower, upper },
             healthy,
@@ -157,22 +180,26 @@ impl Session {
         Duration::from_secs_f32(WINDOW as f32 * self.config.sample_period)
     }
 
-    /// Looks whether the firmware can run the model.
+    /// Looks whether the firmware can work with the configuration.
     ///
     /// # Errors
-    /// Usage: the configuration is refused, or needs an integrator that the firmware does not have.
+    /// Usage: it is refused.
     pub fn check(&self) -> Result<(), Failure> {
-        self.config
-            .check()
-            .map_err(|error| Failure::usage(format!("the firmware's monitor {}", refusal(error))))?;
+        let refused =
+            |error: ConfigError| Failure::usage(format!("the firmware's monitor {}", refusal(error)));
+        self.config.check().map_err(refused)
+    }
+
+    /// The image of the firmware that its rig needs: the smallest.
+    pub fn image(&self) -> Image {
         let model = Model::new(self.config.form, &self.config.parameters);
-        if !model.is_affine() || model.order() != BASE_ORDER {
-            return Err(Failure::usage(
-                "the firmware's monitor steps by the matrices of a piecewise affine model of five states: this rig has an \
-                 effect that needs more (square-root metering, compressible oil, plays and hysteresis inside the loop, ...)",
-            ));
-        }
-        Ok(())
+        if PlainSteps::<1>::new().takes(&model) { Image::Plain } else { Image::AnyRig }
+    }
+
+    /// How that image is built for an emulated board, with further features.
+    pub fn build_options(&self, machine: Machine, features: &[&str]) -> BuildOptions {
+        let all: Vec<&str> = self.image().feature().into_iter().chain(features.iter().copied()).collect();
+        BuildOptions::for_machine(machine).with(Binary::Monitor, &all)
     }
 
     /// Everything that is sent, as it arrives.
@@ -206,7 +233,10 @@ impl Session {
     pub fn run(&self, mut line: Line, mut show: impl FnMut(&ReportMessage)) -> Result<Outcome, Failure> {
         self.check()?;
         let (pieces, injected) = self.pieces()?;
-        let expected = answer_of_twin(&pieces);
+        let expected = match self.image() {
+            Image::Plain => answer_of_twin(PlainSteps::<SLOTS>::new(), &pieces),
+            Image::AnyRig => answer_of_twin(any_steps::<SLOTS>(), &pieces),
+        };
         let twin = messages(&expected);
         let (sender, receiver) = mpsc::channel::<Vec<u8>>();
         let mut reader = std::mem::replace(&mut line.reader, Box::new(std::io::empty()));
@@ -271,8 +301,8 @@ impl Session {
 }
 
 /// What a station on this host answers to the same bytes.
-fn answer_of_twin(pieces: &[Piece]) -> Vec<u8> {
-    let mut twin = Box::new(Twin::new(Exact::new()));
+fn answer_of_twin(steps: impl Stepper<f32>, pieces: &[Piece]) -> Vec<u8> {
+    let mut twin = Box::new(Station::<_, WINDOW, POPULATION>::new(steps));
     let mut answer = Vec::new();
     for &byte in pieces.iter().flat_map(|piece| &piece.bytes) {
         twin.receive(byte, &mut |bytes| answer.extend_from_slice(bytes));

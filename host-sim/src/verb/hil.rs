@@ -85,6 +85,12 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         output::log(common, "the monitor joins the samples of a command by straight lines, not by a curve");
     }
     let (line, name) = if let Some(port) = &options.port {
+        if let Some(feature) = session.image().feature() {
+            output::log(
+                common,
+                &format!("this rig needs the image of the feature `{feature}` behind the port"),
+            );
+        }
         (Line::to_port(port, options.baud, &session)?, port.display().to_string())
     } else {
         output::log(common, &format!("{}: building and starting the firmware", options.machine.name()));

@@ -15,27 +15,33 @@ mod runtime;
 mod uart;
 
 use counter::Counter;
-use eha_monitor::{
-    integrate::exact::Exact,
-    link::station::{POPULATION, Station, WINDOW},
-    model::state::BASE_ORDER,
-};
+use eha_monitor::link::station::{self, POPULATION, Station, WINDOW};
 use runtime::{EXIT_NO_PERIPHERALS, report_stack};
 use semihosting::process;
 use uart::Uart;
 
-/// Exact steps. Of modes whose transition matrices are kept, spool and jack, sliding or stuck, make four.
-type Steps = Exact<f32, BASE_ORDER, 4>;
+/// Modes whose transition matrices are kept: spool and jack, sliding or stuck, make four.
+const SLOTS: usize = 4;
 
-/// The steps, and the way to make them.
+/// The steps inside a mode.
+#[cfg(not(feature = "any-rig"))]
+type Steps = station::PlainSteps<SLOTS>;
+#[cfg(not(feature = "any-rig"))]
+const STEPS: Steps = Steps::new();
+#[cfg(feature = "any-rig")]
+type Steps = station::AnySteps<SLOTS>;
+#[cfg(feature = "any-rig")]
+const STEPS: Steps = station::any_steps();
+
+/// The steps, with room around them where that is to overrun a budget.
 #[cfg(not(feature = "negative-control-ram"))]
 type Rule = Steps;
 #[cfg(not(feature = "negative-control-ram"))]
-const RULE: Rule = Steps::new();
+const RULE: Rule = STEPS;
 #[cfg(feature = "negative-control-ram")]
 type Rule = roomy::Roomy<Steps>;
 #[cfg(feature = "negative-control-ram")]
-const RULE: Rule = Rule::new(Steps::new());
+const RULE: Rule = Rule::new(STEPS);
 
 #[cortex_m_rt::entry]
 fn start() -> ! {

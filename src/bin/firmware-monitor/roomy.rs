@@ -25,6 +25,10 @@ impl<S: Stepper<f32>> Stepper<f32> for Roomy<S> {
     const SHIFT: u32 = S::SHIFT;
     const ESTIMATES: bool = S::ESTIMATES;
 
+    fn takes(&self, model: &Model<f32>) -> bool {
+        self.stepper.takes(model)
+    }
+
     fn begin(&mut self, sample_period: f32, has_force: bool, rig_changed: bool) {
         core::hint::black_box(&self.room);
         self.stepper.begin(sample_period, has_force, rig_changed);
