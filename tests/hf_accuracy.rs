@@ -2,9 +2,11 @@
 
 mod common;
 
-use common::{Rig, collocation, command};
+use common::{Rig, collocation, command, simulate};
 use eha_monitor::command::COMMANDS;
+use eha_monitor::link::station::any_steps;
 use eha_monitor::model::{Feedback, ValveForm};
+use eha_monitor::parameter::Parameters;
 
 /// Largest distance from the plant with both at 2 us, um rms over 0.45 s.
 const LIMIT: f64 = 0.05;
@@ -126,4 +128,30 @@ fn the_linear_form_is_not_the_metering_form() {
     let mut linear = metering;
     linear.parameters.metering_blend = 0.0;
     assert!(linear.exact(&samples).distance(&metering.plant(&samples)).user > 3.0 * LIMIT);
+}
+
+#[test]
+fn the_monitors_steps_for_every_rig_lose_nothing_to_single_precision() {
+    let lacking: [(&str, fn(&mut Parameters<f64>)); 4] = [
+        ("metering", |p| p.metering_blend = 1.0),
+        ("stribeck", |p| p.stribeck_velocity = 5e-3),
+        ("sag and oil", |p| (p.supply_sag, p.oil_compliance) = (0.5, 7e-10)),
+        ("plays", |p| (p.torque_motor_hysteresis, p.feedback_play) = (0.1, 5e-6)),
+    ];
+    for (effect, change) in lacking {
+        let mut rig = rig(800.0, 2e-4, Feedback::Ram);
+        rig.parameters.metering_blend = 0.0;
+        change(&mut rig.parameters);
+        for name in ["mixed", "chirp", "mixed-step", "sine"] {
+            let samples = command(name, 1000);
+            let double = rig.collocation(&samples);
+            let single =
+                simulate(rig.form, &rig.parameters.to_f32(), &mut *Box::new(any_steps::<8>()), &samples);
+            let distance = single.distance(&double);
+            let (few, many) = (double.steps, single.steps);
+            println!("{name:10} {effect:12}: {few} and {many} steps, {distance}");
+            assert!(distance.user < 0.01 && distance.ram < 0.01, "{name}, {effect}: {distance}");
+            assert!(many < 2 * few, "{name}, {effect}: {many} steps in place of {few}");
+        }
+    }
 }

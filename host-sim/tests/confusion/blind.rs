@@ -287,7 +287,10 @@ fn true_model(effects: &[&Presence], truth: &Truth) -> (Rig, Vec<Range>, Vec<f64
         for &parameter in effect.parameters {
             let (info, value) = (parameter.info(), truth.parameters.get(parameter));
             rig.parameters.set(parameter, value);
-            ranges.push(Range::around(parameter, value, 2.0 * (value - info.default).abs()));
+            // What is as it is without the effect has no width of its own, and is known.
+            if value != info.default {
+                ranges.push(Range::around(parameter, value, 2.0 * (value - info.default).abs()));
+            }
         }
     }
     let start = ranges.iter().map(|range| truth.parameters.get(range.parameter)).collect();
