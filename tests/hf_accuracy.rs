@@ -132,7 +132,8 @@ fn the_linear_form_is_not_the_metering_form() {
 
 #[test]
 fn the_monitors_steps_for_every_rig_lose_nothing_to_single_precision() {
-    let lacking: [(&str, fn(&mut Parameters<f64>)); 4] = [
+    type Change = fn(&mut Parameters<f64>);
+    let lacking: [(&str, Change); 4] = [
         ("metering", |p| p.metering_blend = 1.0),
         ("stribeck", |p| p.stribeck_velocity = 5e-3),
         ("sag and oil", |p| (p.supply_sag, p.oil_compliance) = (0.5, 7e-10)),

@@ -151,7 +151,7 @@ fn a_station_says_whether_its_steps_take_the_rig() {
         let bytes = encode(&ToMonitor::Setup(setup), &mut frame).expect("a frame");
         let mut station = Box::new(Station::<_, WINDOW, POPULATION>::new(steps));
         let (mut decoder, mut ready) = (Decoder::new(), None);
-        for &byte in &*bytes {
+        for &byte in bytes {
             station.receive(byte, &mut |answer| {
                 for &byte in answer {
                     if let Some(FromMonitor::Ready(is_ready)) = decoder.take(byte) {
