@@ -242,6 +242,7 @@ fn the_verb_prints_one_object() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let result: Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
     assert_eq!(result["identical_to_host"], true);
+    assert_eq!(result["image"], "plain");
     let reports = result["reports"].as_array().expect("a list");
     assert_eq!(reports.len(), 3);
     assert_eq!(reports[2]["verdict"], "fault");

@@ -73,6 +73,14 @@ impl Image {
     /// All of them.
     pub const ALL: [Self; 2] = [Self::Plain, Self::AnyRig];
 
+    /// Its name in results.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Plain => "plain",
+            Self::AnyRig => "any-rig",
+        }
+    }
+
     /// The feature of `eha-monitor` that it is built with.
     pub const fn feature(self) -> Option<&'static str> {
         match self {

@@ -364,6 +364,7 @@ fn json_of(
     json!({
         "schema": output::SCHEMA,
         "line": line,
+        "image": session.image().name(),
         "identical_to_host": outcome.is_identical,
         "reports": reports,
         "status": status,
