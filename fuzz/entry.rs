@@ -3,21 +3,31 @@
 use eha_monitor::fit::problem::Free;
 use eha_monitor::integrate::Stepper;
 use eha_monitor::link::station::{PlainSteps, any_steps};
-use eha_monitor::model::Form;
+use eha_monitor::model::state::{Input, InputSegment};
+use eha_monitor::model::{Form, Model};
 use eha_monitor::monitor::Monitor;
 use eha_monitor::monitor::config::{Config, Fault};
 use eha_monitor::monitor::queue::SampleQueue;
-use eha_monitor::monitor::report::Report;
+use eha_monitor::monitor::report::{Report, Verdict};
 use eha_monitor::monitor::sample::Sample;
 use eha_monitor::parameter::{Parameter, Parameters};
+use eha_monitor::simulate::Actuator;
 use eha_monitor::trial::SensorNoise;
 
-type Small<S> = Monitor<S, 100, 2, 8>;
+/// Samples of a window, most of which are compared.
+const WINDOW: usize = 300;
+
+type Small<S> = Monitor<S, WINDOW, 2, 8>;
 
 const BUDGET: u32 = 400;
+/// Backlash, m, and dry friction, N, of the actuator that is flown.
+const HEALTHY: [f32; 2] = [1e-4, 400.0];
+/// Samples of a period of its command, a sine, and of the flight.
+const PERIOD: usize = 400;
+const FLIGHT: usize = 5 * PERIOD;
 
 /// A monitor of some parameters with the steps for them.
-fn monitor<S: Stepper<f32>>(steps: S, parameters: Parameters<f32>) -> Box<Small<S>> {
+fn monitor<S: Stepper<f32>>(steps: S, parameters: &Parameters<f32>) -> Box<Small<S>> {
     let fault = |parameter, upper, healthy, alarm| Fault {
         free: Free { parameter, lower: 0.0, upper },
         healthy,
@@ -26,13 +36,13 @@ fn monitor<S: Stepper<f32>>(steps: S, parameters: Parameters<f32>) -> Box<Small<
     let mut monitor = Box::new(Small::idle(steps));
     let config = Config {
         form: Form::default(),
-        parameters,
+        parameters: *parameters,
         sample_period: 1e-3,
         holds_command: false,
         noise: SensorNoise { user: 5e-6, current: 0.02 },
         faults: [
-            fault(Parameter::Backlash, 1.5e-3, 1e-4, 2e-4),
-            fault(Parameter::DryFriction, 4000.0, 400.0, 600.0),
+            fault(Parameter::Backlash, 1.5e-3, HEALTHY[0], 2e-4),
+            fault(Parameter::DryFriction, 4000.0, HEALTHY[1], 600.0),
         ],
         false_alarm_rate: 1e-6,
         seed: 1,
@@ -42,7 +52,7 @@ fn monitor<S: Stepper<f32>>(steps: S, parameters: Parameters<f32>) -> Box<Small<
 }
 
 fn plain() -> Box<Small<PlainSteps<6>>> {
-    monitor(PlainSteps::new(), Parameters::default())
+    monitor(PlainSteps::new(), &Parameters::default())
 }
 
 /// A report that nothing has poisoned.
@@ -52,60 +62,75 @@ fn is_sound(report: &Report<2>) -> bool {
     }) && report.residual_rms.iter().chain(&report.offset).all(|value| value.is_finite())
 }
 
-/// Samples from raw bits: the first byte of each says how much of it is wild.
-fn samples(bytes: &[u8]) -> impl Iterator<Item = Sample> + '_ {
+/// Command, user position and current of a healthy actuator in steady motion, over a whole number of periods.
+fn flight(parameters: &Parameters<f32>) -> Vec<[f32; 3]> {
+    let at = |sample: usize| 2e-3 * (std::f32::consts::TAU / PERIOD as f32 * (sample % PERIOD) as f32).sin();
+    let [bkl, fdj] = HEALTHY;
+    let model = Model::new(Form::default(), &Parameters { bkl, fdj, ..*parameters });
+    let (actuator, mut steps) = (Actuator::new(model, 1e-3), Box::new(any_steps::<4>()));
+    steps.begin(1e-3, false, true);
+    let mut motion = actuator.at_rest(at(0), &Input { command: at(0), ..Input::default() });
+    let mut sample = |place: usize| {
+        let line = InputSegment::between([at(place), at(place + 1)], [0.0; 2], place as f32 * 1e-3, 1e3);
+        actuator.advance(&mut *steps, &mut motion, &line);
+        let input = Input { command: at(place + 1), ..line.start };
+        let outputs = actuator.measure(&mut motion, &input);
+        [input.command, outputs.user, outputs.current]
+    };
+    (0..2 * FLIGHT).map(&mut sample).skip(FLIGHT).collect()
+}
+
+/// Samples of a flight from raw bits: the first byte of each says how much of it is wild.
+fn samples<'a>(flight: &'a [[f32; 3]], bytes: &'a [u8]) -> impl Iterator<Item = Sample> + 'a {
     let mut tick = 0_u32;
-    bytes.chunks_exact(13).map(move |chunk| {
+    bytes.chunks_exact(13).zip(flight.iter().cycle()).map(move |(chunk, flown)| {
         let word = |at: usize| u32::from_le_bytes([chunk[at], chunk[at + 1], chunk[at + 2], chunk[at + 3]]);
         let kind = chunk[0];
         tick = if kind.is_multiple_of(16) { word(1) } else { tick.wrapping_add(1) };
-        let value = |at: usize, range: f32, wild: bool| {
-            if wild {
-                f32::from_bits(word(at))
-            } else {
-                word(at).cast_signed() as f32 / i32::MAX as f32 * range
-            }
+        let value = |place: usize, mask: u8| {
+            if kind & mask == mask { f32::from_bits(word(1 + 4 * place)) } else { flown[place] }
         };
-        Sample {
-            tick,
-            command: value(1, 0.2, kind & 0x30 == 0x30),
-            user: value(5, 0.2, kind & 0xc0 == 0xc0),
-            current: value(9, 10.0, kind & 0xa0 == 0xa0),
-        }
+        Sample { tick, command: value(0, 0x30), user: value(1, 0xc0), current: value(2, 0xa0) }
     })
 }
 
 /// Feeds samples of any bits to a monitor: behind a first byte that 8 divides to one for every rig, of an actuator that
 /// meters by the square root of the pressure drop.
 pub(crate) fn stream(bytes: &[u8]) {
+    let mut parameters = Parameters::default();
     match bytes.split_first() {
         Some((first, samples)) if first.is_multiple_of(8) => {
-            let parameters = Parameters { metering_blend: 1.0, ..Parameters::default() };
-            feed(&mut monitor(any_steps::<4>(), parameters), samples);
+            parameters.metering_blend = 1.0;
+            feed(&mut monitor(any_steps::<4>(), &parameters), &flight(&parameters), samples);
         }
-        Some((_, samples)) => feed(&mut plain(), samples),
+        Some((_, samples)) => feed(&mut plain(), &flight(&parameters), samples),
         None => {}
     }
 }
 
-/// What a monitor says of samples of any bits, and of good ones after them, is sound.
-fn feed<S: Stepper<f32>>(monitor: &mut Small<S>, bytes: &[u8]) {
+/// What a monitor says of samples of any bits is sound, and good ones after them are those of a healthy actuator.
+fn feed<S: Stepper<f32>>(monitor: &mut Small<S>, flight: &[[f32; 3]], bytes: &[u8]) {
     let mut queue = SampleQueue::<16>::new();
     let (mut inlet, mut outlet) = queue.split();
-    for sample in samples(bytes) {
+    for sample in samples(flight, bytes) {
         inlet.push(sample);
         let poll = monitor.poll(&mut outlet, BUDGET);
         assert!(poll.steps <= BUDGET);
         assert!(poll.report.as_ref().is_none_or(is_sound), "{:?}", poll.report);
     }
-    // It is not poisoned: ten good windows later it has nothing but finite things to say.
-    for tick in 0..1000_u32 {
-        let command = 1e-3 * (tick % 40) as f32;
-        monitor.take(&Sample { tick, command, user: command, current: 0.0 });
+    let mut last = None;
+    for (tick, &[command, user, current]) in (0..).zip(flight.iter().cycle()).take(8 * WINDOW) {
+        monitor.take(&Sample { tick, command, user, current });
         let (_, report) = monitor.work(u32::MAX);
         assert!(report.as_ref().is_none_or(is_sound), "{report:?}");
+        last = report.or(last);
     }
-    assert!(monitor.counters().windows >= 8, "{:?}", monitor.counters());
+    // It is not poisoned.
+    let last = last.expect("a report on good windows");
+    assert_eq!(last.verdict, Verdict::Healthy, "{last:?}");
+    for (fault, truth) in last.faults.iter().zip(HEALTHY) {
+        assert!((fault.value / truth - 1.0).abs() < 0.02, "{last:?}");
+    }
 }
 
 /// Restores a monitor from any bytes.
