@@ -3,7 +3,7 @@
 
 use eha_monitor::integrate::Stepper;
 use eha_monitor::link::frame::{Decoder, LONGEST, encode};
-use eha_monitor::link::message::{FromMonitor, ReportMessage, Setup, ToMonitor};
+use eha_monitor::link::message::{FromMonitor, ReportMessage, Setup, ToMonitor, VERSION};
 use eha_monitor::link::station::{POPULATION, PlainSteps, Station, WINDOW, any_steps};
 use eha_monitor::monitor::report::Verdict;
 use eha_monitor::parameter::Parameters;
@@ -144,9 +144,9 @@ fn a_rig_whose_laws_are_not_affine_is_sent_the_same_way() {
 }
 
 #[test]
-fn a_station_says_whether_its_steps_take_the_rig() {
-    fn is_ready(steps: impl Stepper<f32>, session: &Session) -> bool {
-        let setup = Setup::of(&session.config, 100).expect("a message");
+fn a_station_says_whether_it_takes_the_rig() {
+    fn is_ready(steps: impl Stepper<f32>, session: &Session, version: u32) -> bool {
+        let setup = Setup { version, ..Setup::of(&session.config, 100).expect("a message") };
         let mut frame = [0; LONGEST];
         let bytes = encode(&ToMonitor::Setup(setup), &mut frame).expect("a frame");
         let mut station = Box::new(Station::<_, WINDOW, POPULATION>::new(steps));
@@ -163,10 +163,12 @@ fn a_station_says_whether_its_steps_take_the_rig() {
         ready.expect("an answer")
     }
     let [plain, metering] = Image::ALL.map(|image| expect(Session::reference(image)));
-    assert!(is_ready(PlainSteps::<4>::new(), &plain));
-    assert!(!is_ready(PlainSteps::<4>::new(), &metering));
-    assert!(is_ready(any_steps::<4>(), &plain));
-    assert!(is_ready(any_steps::<4>(), &metering));
+    assert!(is_ready(PlainSteps::<4>::new(), &plain, VERSION));
+    assert!(!is_ready(PlainSteps::<4>::new(), &metering, VERSION));
+    assert!(is_ready(any_steps::<4>(), &plain, VERSION));
+    assert!(is_ready(any_steps::<4>(), &metering, VERSION));
+    // Another table of parameters is another version.
+    assert!(!is_ready(any_steps::<4>(), &plain, VERSION ^ 1));
 }
 
 #[test]

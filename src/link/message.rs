@@ -4,13 +4,29 @@ use crate::fit::problem::Free;
 use crate::model::{Drive, Feedback, Form, ValveForm};
 use crate::monitor::config::{Config, Fault};
 use crate::monitor::report::Report;
-use crate::parameter::{Parameter, Parameters};
+use crate::parameter::{PARAMETERS, Parameter, Parameters};
 use crate::trial::SensorNoise;
+use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-/// Version of the messages.
-pub const VERSION: u8 = 2;
+/// Version of the messages themselves.
+const FORMAT: u32 = 3;
+/// What both sides of a line must share: the messages, and the names in the table of parameters, since these are told by
+/// their places in it.
+pub const VERSION: u32 = version();
+
+const fn version() -> u32 {
+    let names = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
+    let mut version = FORMAT;
+    let mut row = 0;
+    while row < PARAMETERS.len() {
+        version = version.rotate_left(1) ^ names.checksum(PARAMETERS[row].name.as_bytes());
+        row += 1;
+    }
+    version
+}
+
 /// Faults of a monitor behind a line.
 pub const FAULTS: usize = 2;
 /// Samples in a message. Two messages that are lost in a row are still bridged by the monitor.
@@ -35,7 +51,7 @@ pub struct FaultSetup {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Setup {
     /// [`VERSION`].
-    pub version: u8,
+    pub version: u32,
     /// Places of valve form, feedback and drive in [`VALVES`], [`FEEDBACKS`] and [`DRIVES`].
     pub form: [u8; 3],
     /// Parameters that differ from the source's: place in the table of parameters, and value.
