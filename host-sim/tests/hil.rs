@@ -136,8 +136,8 @@ fn a_rig_whose_laws_are_not_affine_is_sent_the_same_way() {
     }
     let many = Parameters {
         torque_motor_hysteresis: 0.1,
-        oil_compliance: 7e-10,
         supply_sag: 0.5,
+        stribeck_velocity: 0.01,
         ..Parameters::default()
     };
     with_and_without(&many, Image::AnyRig, Machine::Mps2An386);
