@@ -71,8 +71,8 @@ pub trait Real: Scalar<Mask = bool> + PartialOrd {
     /// Largest integer not above `self`, for magnitudes below 2^31.
     fn whole(self) -> Self;
 
-    /// Distance from 1 to the next larger number. A constant of the type, as those below, so that no double-precision code reaches an
-    /// MCU however the compiler is set.
+    /// Distance from 1 to the next larger number. A constant of the type, as those below, so that no double-precision code
+    /// reaches an MCU however the compiler is set.
     const RESOLUTION: Self;
     /// Series of `exp(x)`.
     const EXPONENTIAL: [Self; 16];

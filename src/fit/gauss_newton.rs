@@ -320,10 +320,8 @@ impl<T: Real + RealField, const GENES: usize> Normal<T, GENES> {
                 if let Some(change) = held[gene].or(if silent { Some(T::ZERO) } else { None }) {
                     for other in 0..GENES {
                         side[other] -= matrix[(other, gene)] * change;
-                        matrix[(gene, other)] = T::ZERO;
-                        matrix[(other, gene)] = T::ZERO;
                     }
-                    matrix[(gene, gene)] = T::ONE;
+                    isolate(&mut matrix, gene);
                     side[gene] = change;
                 }
             }
@@ -368,9 +366,7 @@ impl<T: Real + RealField, const GENES: usize> Normal<T, GENES> {
         let mut told = self.curvature;
         let is_silent = |gene: &usize| self.curvature[(*gene, *gene)] < T::literal(UNTOLD);
         for gene in (0..GENES).filter(is_silent) {
-            told.row_mut(gene).fill(T::ZERO);
-            told.column_mut(gene).fill(T::ZERO);
-            told[(gene, gene)] = T::ONE;
+            isolate(&mut told, gene);
         }
         let mut covariance = told.cholesky()?.inverse();
         for gene in (0..GENES).filter(is_silent) {
@@ -384,6 +380,15 @@ impl<T: Real + RealField, const GENES: usize> Normal<T, GENES> {
         let variances = self.covariance()?.diagonal();
         Some(variances.data.0[0].map(Scalar::root))
     }
+}
+
+/// Takes a gene out of equations with the others.
+fn isolate<T: Real + RealField, const GENES: usize>(matrix: &mut SMatrix<T, GENES, GENES>, gene: usize) {
+    for other in 0..GENES {
+        matrix[(gene, other)] = T::ZERO;
+        matrix[(other, gene)] = T::ZERO;
+    }
+    matrix[(gene, gene)] = T::ONE;
 }
 
 /// The damping of a shorter step, closer to the gradient.

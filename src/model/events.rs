@@ -32,7 +32,7 @@ const FEEDBACK_PLAY: usize = 11;
 const USER_PLAY: usize = 12;
 const STEP_LOAD: usize = 13;
 /// Nothing changes but the direction: what lies behind the ram sees the turning point.
-const GROUND: usize = 14;
+const PLAY_INPUT: usize = 14;
 
 /// How far a limit may be passed by rounding, relative to the limit.
 const LIMIT_TOLERANCE: f64 = 1e-5;
@@ -260,7 +260,7 @@ impl<T: Real> Model<T> {
             };
         }
         if self.jack.is_mounted() {
-            guards[GROUND - LOOP_GUARDS] = side::<T>(mode.ground) * self.play_input_velocity(z);
+            guards[PLAY_INPUT - LOOP_GUARDS] = side::<T>(mode.play_input) * self.play_input_velocity(z);
         }
         let half = self.half_backlash();
         if self.form.feedback == super::Feedback::User && half > T::ZERO {
@@ -369,7 +369,7 @@ impl<T: Real> Model<T> {
                 }
                 mode.user_play = toggled(mode.user_play, -z.user_gap);
             }
-            GROUND => mode.ground = -mode.ground,
+            PLAY_INPUT => mode.play_input = -mode.play_input,
             _ => mode.step_load = 1,
         }
     }

@@ -227,7 +227,7 @@ impl<T: Real> Model<T> {
             hysteresis: i8::from(self.pilot.hysteresis == T::ZERO),
             feedback_play: i8::from(self.pilot.feedback_play == T::ZERO),
             user_play: i8::from(self.form.feedback == Feedback::User && self.parameters.bkl == T::ZERO),
-            ground: i8::from(self.jack.is_mounted()),
+            play_input: i8::from(self.jack.is_mounted()),
             ..Mode::default()
         }
     }

@@ -310,8 +310,8 @@ mode! {
         user_play,
         /// The step load is on (1) or not yet (0).
         step_load,
-        /// Direction in which the ram moves over ground, where the mount gives way.
-        ground,
+        /// Direction in which what pushes the backlash moves, where the mount gives way.
+        play_input,
     }
 }
 

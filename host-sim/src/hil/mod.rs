@@ -74,11 +74,8 @@ impl Image {
     pub const ALL: [Self; 2] = [Self::Plain, Self::AnyRig];
 
     /// Its name in results.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Plain => "plain",
-            Self::AnyRig => "any-rig",
-        }
+    pub fn name(self) -> &'static str {
+        self.feature().unwrap_or("plain")
     }
 
     /// The feature of `eha-monitor` that it is built with.

@@ -292,3 +292,17 @@ pub struct Mount {
     /// the body's motion is added to what is behind it.
     pub play_over_ground: bool,
 }
+
+impl Default for Mount {
+    /// A stiff one under a light body: everything else is over ground.
+    fn default() -> Self {
+        Self {
+            stiffness: 2e7,
+            damping: 2e3,
+            mass: 5.0,
+            in_loop: true,
+            load_follows: true,
+            play_over_ground: true,
+        }
+    }
+}

@@ -121,14 +121,7 @@ fn mount_gives_way_by_load_over_stiffness() {
     let mut plant = Plant::default();
     plant.parameters.spool_friction = 1e9;
     plant.effects.constant_load = 100.0;
-    plant.effects.mount = Some(Mount {
-        stiffness: 1e7,
-        damping: 1e4,
-        mass: 5.0,
-        in_loop: false,
-        load_follows: true,
-        play_over_ground: true,
-    });
+    plant.effects.mount = Some(Mount { stiffness: 1e7, damping: 1e4, in_loop: false, ..Mount::default() });
     let record = plant.record(&Command::Ramp { rate: 0.0 }, 100);
     assert_close(record.ram[99], -1e-5, 1e-6);
 }

@@ -50,14 +50,7 @@ fn faults_and_forms_converge_where_events_are_many() {
     variant("compressible", |plant| plant.effects.bulk_modulus = Some(1e9));
     variant("stribeck", |plant| plant.effects.stribeck_velocity = 2e-3);
     variant("mount", |plant| {
-        plant.effects.mount = Some(Mount {
-            stiffness: 2e7,
-            damping: 2e3,
-            mass: 5.0,
-            in_loop: true,
-            load_follows: true,
-            play_over_ground: true,
-        });
+        plant.effects.mount = Some(Mount::default());
     });
     variant("hysteresis and play", |plant| {
         plant.parameters.motor_hysteresis = 0.1;

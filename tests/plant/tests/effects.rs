@@ -34,14 +34,7 @@ fn every_effect_changes_the_record() {
         ("step-load", |_, e| (e.step_load, e.step_load_time) = (500.0, 0.1)),
         ("load-mass", |p, _| p.jack_mass = 200.0),
         ("mount-compliance", |_, e| {
-            e.mount = Some(Mount {
-                stiffness: 2e7,
-                damping: 2e3,
-                mass: 5.0,
-                in_loop: true,
-                load_follows: true,
-                play_over_ground: true,
-            });
+            e.mount = Some(Mount::default());
         }),
         ("sensor-offset", |_, e| e.sensor_offset = 1e-5),
         ("sensor-gain", |_, e| e.sensor_gain = 0.01),
