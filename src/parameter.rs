@@ -171,7 +171,7 @@ parameters! {
     step_load_time StepLoadTime "t1" "s" 0.0 [0.0, 1e6] Constant "start of the step load";
     mount_compliance MountCompliance "1/k" "m/N" 0.0 [0.0, 1e-5] Dynamics "compliance of the mount: 1 over its stiffness";
     mount_lag MountLag "cb/k" "s" 5e-5 [0.0, 0.1] Dynamics "lag of the mount: its damping over its stiffness";
-    base_mass BaseMass "mb" "kg" 5.0 [0.1, 1e5] Dynamics "mass of the base, the cylinder's body, on its mount";
+    base_mass BaseMass "mb" "kg" 5.0 [1e-3, 1e5] Dynamics "mass of the base, the cylinder's body, on its mount";
     load_follows_base LoadFollowsBase "sl" "1" 1.0 [0.0, 1.0] Dynamics "share of the base's motion that the load's inertia follows: 1 moves with it, 0 stays in the cylinder's frame";
     loop_sees_base LoopSeesBase "sb" "1" 1.0 [0.0, 1.0] Dynamics "share of the base's motion that a loop on the ram sees: 1 regulates its position over ground, 0 that in the cylinder";
     play_sees_base PlaySeesBase "sp" "1" 1.0 [0.0, 1.0] Dynamics "share of the base's motion that the backlash passes on: 1 where the user hangs on the ram over ground, 0 where all of it is added behind the backlash";

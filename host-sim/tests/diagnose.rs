@@ -329,6 +329,20 @@ fn a_mount_is_named_whatever_follows_its_base_and_sees_it() {
 }
 
 #[test]
+fn a_mount_without_mass_is_named() {
+    // So soft that a tenth of a kilogram would show.
+    let mut plant = faulty();
+    (plant.parameters.backlash, plant.parameters.jack_friction) = (3e-4, 1580.0);
+    let (stiffness, damping, mass) = (2.4e5, 1190.0, 4e-3);
+    let (in_loop, load_follows, play_over_ground) = (false, false, false);
+    plant.effects.mount = Some(Mount { stiffness, damping, mass, in_loop, load_follows, play_over_ground });
+    let commands = [Command::CHIRP, Command::Mixed, Command::MixedStep];
+    let result = diagnose_positions(&plant, &commands, 1e-6, 1);
+    assert_eq!(result["verdict"], "explained", "{result:#}");
+    assert_eq!(class(&result), ["mount-compliance"]);
+}
+
+#[test]
 fn a_supply_may_sag_with_another_lag_than_the_usual() {
     let mut plant = faulty();
     (plant.effects.supply_sag, plant.effects.supply_sag_lag) = (2.5, 0.08);

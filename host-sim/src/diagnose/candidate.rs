@@ -15,6 +15,9 @@ use std::cmp::Ordering;
 /// Factor by which a range is widened where a fit ends at its edge, and how often.
 const WIDER: f64 = 10.0;
 const MOST_WIDENED: usize = 3;
+/// Multiples of its size at which an effect is looked for where one of many valleys may have caught it, and how often.
+const OTHER_SIZES: [f64; 4] = [0.5, 0.7, 1.4, 2.0];
+const MOST_RESIZED: usize = 3;
 
 /// Can an effect act in a rig at all? An effect of the valve or the fluid needs them; one whose parameter is free
 /// already is part of the model; beside too many others there is no place for its own.
@@ -80,12 +83,13 @@ pub(super) fn found(
 ) -> Option<Candidate> {
     let signatures = Signatures::new(rig, ranges, records);
     let prospect = look(effect, rig, ranges, records, &signatures)?;
-    prospect.approach(rig, records, &[], steps)?.finished(rig, records)
+    prospect.approach(rig, records, &[], steps)?.or_ringing(rig, records, steps).finished(rig, records)
 }
 
 impl Prospect {
-    /// A rough fit of some steps from the most promising place; see [`Self::rough`]. Where it leaves more than noise,
-    /// valleys of what rings are tried as well.
+    /// A rough fit, from what the linear model foresees and from each place where the effect was looked for: what was free
+    /// before first follows it there, because it may have been far off to make up for the effect. `others` are more
+    /// values of that to start from.
     pub(super) fn approach(
         &self,
         rig: &Rig,
@@ -93,13 +97,6 @@ impl Prospect {
         others: &[Vec<f64>],
         steps: u32,
     ) -> Option<Candidate> {
-        Some(self.rough(rig, records, others, steps)?.or_ringing(rig, records, steps))
-    }
-
-    /// A rough fit, from what the linear model foresees and from each place where the effect was looked for: what was free
-    /// before first follows it there, because it may have been far off to make up for the effect. `others` are more
-    /// values of that to start from.
-    fn rough(&self, rig: &Rig, records: &[Prepared], others: &[Vec<f64>], steps: u32) -> Option<Candidate> {
         let before = self.ranges.len() - self.effect.parameters.len();
         let followed = self.places.par_iter().filter_map(|Place { ranges, values }| {
             let mut there = rig.clone();
@@ -174,7 +171,7 @@ impl Candidate {
     }
 
     /// The same in another valley of what rings, where one is better; not where it leaves noise.
-    fn or_ringing(self, rig: &Rig, records: &[Prepared], steps: u32) -> Self {
+    pub(super) fn or_ringing(self, rig: &Rig, records: &[Prepared], steps: u32) -> Self {
         if within_noise(&self.fit.misfit) {
             return self;
         }
@@ -182,6 +179,40 @@ impl Candidate {
         let ringing = places.iter().filter_map(|place| Self::rough(self.effect, place, rig, records, steps));
         let best = ringing.min_by(lower);
         best.filter(|best| lower(best, &self).is_lt()).unwrap_or(self)
+    }
+
+    /// The same with the effect of another size, where that is better; not where it leaves noise. A fault that makes up for
+    /// a part of the effect leads into one of many valleys along the size.
+    pub(super) fn or_of_another_size(self, rig: &Rig, records: &[Prepared], steps: u32) -> Self {
+        let mut best = self;
+        for _ in 0..MOST_RESIZED {
+            if within_noise(&best.fit.misfit) {
+                break;
+            }
+            let resized =
+                OTHER_SIZES.par_iter().filter_map(|&factor| best.resized(factor, rig, records, steps));
+            let Some(better) = resized.min_by(lower).filter(|other| lower(other, &best).is_lt()) else {
+                break;
+            };
+            best = better;
+        }
+        best
+    }
+
+    /// A rough fit from where the effect's size is a multiple of what it is here, and what else is free has followed.
+    fn resized(&self, factor: f64, rig: &Rig, records: &[Prepared], steps: u32) -> Option<Self> {
+        let first = self.ranges.len() - self.effect.parameters.len();
+        let Self { effect, mut ranges, fit: Polished { mut values, .. } } = self.clone();
+        let absent = rig.parameters.get(ranges[first].parameter);
+        values[first] = absent + factor * (values[first] - absent);
+        ranges[first] = ranges[first].widened_to(values[first])?;
+        let mut there = rig.clone();
+        for (range, &value) in ranges.iter().zip(&values).skip(first) {
+            there.parameters.set(range.parameter, value);
+        }
+        let followed = fit::approach(&there, &ranges[..first], &values[..first], records, steps)?;
+        let values = [&followed.values, &values[first..]].concat();
+        Self::rough(effect, &Place { ranges, values }, rig, records, steps)
     }
 
     /// Goes on to the bottom.
@@ -265,4 +296,37 @@ fn widened(rig: &Rig, ranges: &[Range], values: &[f64]) -> Vec<Range> {
         }
     };
     ranges.iter().zip(values).map(widen).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::signature::tests::{record, with};
+    use super::Candidate;
+    use crate::fit;
+    use crate::rig::{Range, Rig};
+    use eha_monitor::effect::EffectInfo;
+    use eha_monitor::fit::identify::within_noise;
+    use eha_monitor::parameter::Parameter;
+
+    #[test]
+    fn an_effect_that_is_caught_at_half_its_size_is_found_at_its_own() {
+        let mut rig = Rig::load("eha").unwrap();
+        (rig.parameters.bkl, rig.parameters.fdj) = (2e-4, 600.0);
+        let leak = 1e-11;
+        let records = [record(&with(&rig, Parameter::Leakage, leak - rig.parameters.leakage))];
+        let effect = EffectInfo::named("leakage").unwrap();
+        let caught = |size: f64| {
+            let ranges = [&rig.faults[..], &[Range::around(Parameter::Leakage, size, size)]].concat();
+            let values = vec![2e-4, 600.0, size];
+            let fit = fit::approach(&rig, &ranges, &values, &records, 0).unwrap();
+            Candidate { effect, ranges, fit }
+        };
+        let half = caught(0.5 * leak);
+        assert!(!within_noise(&half.fit.misfit));
+        let found = half.or_of_another_size(&rig, &records, 12);
+        assert!(within_noise(&found.fit.misfit));
+        assert!((found.fit.values[2] / leak - 1.0).abs() < 0.02, "{:?}", found.fit.values);
+        let whole = caught(leak);
+        assert_eq!(whole.clone().or_of_another_size(&rig, &records, 12).fit.values, whole.fit.values);
+    }
 }

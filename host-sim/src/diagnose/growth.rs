@@ -9,10 +9,11 @@ use super::search::BEAM;
 use super::weighing::Earned;
 use crate::fit::{self, FitSettings, TOLD_APART};
 use crate::interrupt;
-use crate::rig::Range;
+use crate::rig::{Range, Rig};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::fit::identify::within_noise;
 use rayon::prelude::*;
+use std::iter;
 
 /// Fall of chi-square that the linear model must foresee for an effect to be fitted: far below what is accepted.
 const PROMISING: f64 = 4.0;
@@ -79,7 +80,13 @@ impl Hypothesis {
             .filter(|_| !interrupt::requested())
             .filter_map(|prospect| case.told(prospect.approach(&self.rig, case.train(), others, FEW_STEPS)))
             .collect();
-        if !near.iter().any(|near| within_noise(&near.fit.misfit)) {
+        let is_explained = near.iter().any(|near| within_noise(&near.fit.misfit));
+        if is_explained && !others.is_empty() {
+            near = near
+                .into_par_iter()
+                .map(|near| near.or_ringing(&self.rig, case.train(), FEW_STEPS))
+                .collect();
+        } else if !is_explained {
             case.progress.expect(near.len());
             near = near
                 .into_par_iter()
@@ -92,6 +99,11 @@ impl Hypothesis {
         near.retain(|near| reached(near) > FORESEEN * wanted);
         near.sort_by(|a, b| reached(b).total_cmp(&reached(a)));
         near.truncate(MOST_FITTED);
+        if !near.iter().any(|near| within_noise(&near.fit.misfit)) {
+            let resized = |near: Candidate| near.or_of_another_size(&self.rig, case.train(), FEW_STEPS);
+            let rest = near.split_off(BEAM.min(near.len()));
+            near = near.into_par_iter().map(resized).chain(rest).collect();
+        }
         case.progress.expect(near.len());
         let mut candidates: Vec<Candidate> = near
             .into_par_iter()
@@ -242,14 +254,20 @@ impl Hypothesis {
         let wanted = without.train.misfit.chi_square - scale * limit;
         let mut others =
             without.fit_promising(case, wanted, std::slice::from_ref(&here.values), without.added.is_empty());
-        if let Some(twin) = self.twin(case, earned, &here) {
-            others.retain(|other| other.effect.name != twin.effect.name);
-            others.push(twin);
-        }
-        others.retain(|other| {
+        let does_as_well = |other: &Candidate| {
             other.effect.name != earned.effect.name
                 && other.fit.misfit.chi_square / scale + self.price(other.effect, scale) < limit
-        });
+        };
+        others.retain(does_as_well);
+        let twins: Vec<Candidate> = iter::once((earned.effect, self.rig.clone()))
+            .chain(others.iter().map(|other| (other.effect, other.applied(&without.rig))))
+            .filter_map(|(effect, with)| without.twin_of(case, effect, &with))
+            .filter(does_as_well)
+            .collect();
+        others.extend(twins);
+        others.sort_by(|a, b| a.effect.name.cmp(b.effect.name).then_with(|| candidate::lower(a, b)));
+        others.dedup_by_key(|other| other.effect.name);
+        others.sort_by(candidate::lower);
         let mut others = without.with(case, others);
         others.retain(|other| {
             let price = other.added.last().map_or(0.0, |effect| self.price(effect, scale));
@@ -259,16 +277,15 @@ impl Hypothesis {
         others
     }
 
-    /// The effect that cannot be told from one that was added, in its place; `here` is what else is free.
-    fn twin(&self, case: &Case<'_>, earned: &Earned, here: &Place) -> Option<Candidate> {
-        let rig = &earned.without.rig;
-        let (effect, value) = earned.effect.twin(&self.rig.parameters, &rig.parameters)?;
-        if !candidate::applies(effect, rig, &here.ranges) {
+    /// This model with the effect that cannot be told from another, in the place of that one in a rig.
+    fn twin_of(&self, case: &Case<'_>, effect: &EffectInfo, with: &Rig) -> Option<Candidate> {
+        let (twin, value) = effect.twin(&with.parameters, &self.rig.parameters)?;
+        if !candidate::applies(twin, &self.rig, &self.ranges) {
             return None;
         }
-        let range = Range::around(effect.parameters[0], value, effect.sizes[0]);
-        let start = here.with(&Place { ranges: vec![range], values: vec![value] });
-        let (ranges, fit) = candidate::fitted(rig, start.ranges, &start.values, case.train())?;
-        Some(Candidate { effect, ranges, fit })
+        let range = Range::around(twin.parameters[0], value, twin.sizes[0]);
+        let start = Place::of(with, &self.ranges).with(&Place { ranges: vec![range], values: vec![value] });
+        let (ranges, fit) = candidate::fitted(&self.rig, start.ranges, &start.values, case.train())?;
+        Some(Candidate { effect: twin, ranges, fit })
     }
 }

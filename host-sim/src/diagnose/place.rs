@@ -23,8 +23,14 @@ const DECADES: i32 = 5;
 /// Sizes at which an effect of several parameters is tried where no signature leads to it, in its sizes: the first, and the
 /// second where nothing is known of it.
 const COARSE: [f64; 3] = [0.3, 1.0, 3.0];
-/// Change of chi-square by a signature alone below which smaller sizes are not seen.
+/// Change of chi-square by a signature alone below which smaller sizes are not seen, and the part of chi-square that
+/// the best amount of them could take away below which they are not worth it: another effect must come first.
 const UNSEEN: f64 = 1.0;
+const NEGLIGIBLE: f64 = 0.01;
+/// Part of a signature, squared, that it may differ by from the one of the size before to be in proportion to it, and in
+/// how many sizes in a row it is for all smaller ones to be.
+const LINEAR: f64 = 1e-3;
+const LINEAR_STEPS: usize = 3;
 /// Most places at which the fit of an effect starts of those that were tried, the best first.
 const MOST_PLACES: usize = 3;
 /// Where an effect that can be on either side of its absence is looked for, and how far around, in its sizes.
@@ -217,10 +223,10 @@ impl Seeker<'_> {
         let [lag, mass, _, _, passed] = *self.others else { return Vec::new() };
         let formed = |&[follows, sees]: &[f64; 2]| {
             let others = &[lag, mass, follows, sees, passed];
-            Seeker { others, ..*self }.seen().into_iter().take(1).collect::<Vec<_>>()
+            Seeker { others, ..*self }.seen().into_iter().next()
         };
         let mut places = self.unseen();
-        places.extend(MOUNTS.iter().flat_map(formed));
+        places.par_extend(MOUNTS.par_iter().filter_map(formed));
         places
     }
 
@@ -242,17 +248,32 @@ impl Seeker<'_> {
     /// The sizes that explain most of what is on one side of its absence, the best first.
     fn seen(&self) -> Vec<Place> {
         let size = self.effect.sizes[0];
-        let (mut sizes, mut costs) = (Vec::new(), Vec::new());
-        for step in 0..=PER_DECADE * DECADES {
-            let change = LARGEST * size * 10_f64.powf(-f64::from(step) / f64::from(PER_DECADE));
-            let signature = self.signature(&self.place(change, 0.0).values);
-            sizes.push(change);
+        let absent = self.signatures.chi_square(&self.signatures.none());
+        // A signature takes away at most twice its product with what is left.
+        let least = UNSEEN.max((NEGLIGIBLE / 2.0).powi(2) * absent);
+        let largest = self.effect.parameters[0].info().upper - self.here(0);
+        let ratio = 10_f64.powf(-1.0 / f64::from(PER_DECADE));
+        let sizes: Vec<f64> = (0..=PER_DECADE * DECADES)
+            .map(|step| LARGEST * size * ratio.powi(step))
+            .filter(|change| change * ratio <= largest)
+            .collect();
+        let mut costs = Vec::with_capacity(sizes.len());
+        let (mut signature, mut linear) = (self.signatures.none(), 0);
+        for &change in &sizes {
+            let scaled = &signature * ratio;
+            if linear < LINEAR_STEPS {
+                signature = self.signature(&self.place(change, 0.0).values);
+                let is_linear = (&signature - scaled).norm_squared() < LINEAR * signature.norm_squared();
+                linear = if is_linear { linear + 1 } else { 0 };
+            } else {
+                signature = scaled;
+            }
             costs.push(self.signatures.chi_square(&signature));
-            if signature.norm_squared() < UNSEEN {
+            if signature.norm_squared() < least {
                 break;
             }
         }
-        let seen = valleys(&costs, self.signatures.chi_square(&self.signatures.none()));
+        let seen = valleys(&costs, absent);
         seen.into_iter().map(|index| self.place(sizes[index], sizes[index])).collect()
     }
 

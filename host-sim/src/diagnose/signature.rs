@@ -81,7 +81,7 @@ fn residual_of(rig: &Rig, records: &[Prepared]) -> DVector<f64> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::Signatures;
     use crate::fit::{self, Prepared};
     use crate::record::Record;
@@ -93,14 +93,14 @@ mod tests {
     const PERIOD: f64 = 1e-3;
     const NOISE: [f64; 4] = [1e-6, f64::INFINITY, f64::INFINITY, f64::INFINITY];
 
-    fn with(rig: &Rig, parameter: Parameter, change: f64) -> Rig {
+    pub(in super::super) fn with(rig: &Rig, parameter: Parameter, change: f64) -> Rig {
         let mut rig = rig.clone();
         rig.parameters.set(parameter, rig.parameters.get(parameter) + change);
         rig
     }
 
     /// A second of a growing sine, with the position of a rig.
-    fn record(rig: &Rig) -> Prepared {
+    pub(in super::super) fn record(rig: &Rig) -> Prepared {
         let command: Vec<f64> =
             (0..1000).map(|k| f64::from(k) * 5e-6 * (f64::from(k) * PERIOD * 20.0).sin()).collect();
         let prepared = |position: Vec<f64>| {

@@ -50,6 +50,13 @@ impl Range {
         Self { parameter, lower, upper }
     }
 
+    /// The same, wide enough to hold a value; none where that makes no sense.
+    pub fn widened_to(&self, value: f64) -> Option<Self> {
+        let info = self.parameter.info();
+        let makes_sense = (info.lower..=info.upper).contains(&value);
+        makes_sense.then(|| Self { lower: self.lower.min(value), upper: self.upper.max(value), ..*self })
+    }
+
     /// Is a value that a search gave at the lower, at the upper edge, but for rounding?
     pub fn at_edge(&self, value: f64) -> [bool; 2] {
         let rounding = 1e-9 * (self.upper - self.lower);

@@ -19,9 +19,9 @@ use std::path::PathBuf;
 use table::Row;
 
 /// Rows of single effects that the tests make.
-const SAMPLE: usize = 4;
+const SAMPLE: usize = 3;
 /// Drawn cases that the tests make.
-const DRAWN: usize = 4;
+const DRAWN: usize = 3;
 
 fn document(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs").join(name)
