@@ -98,38 +98,20 @@ impl Prospect {
         steps: u32,
     ) -> Option<Candidate> {
         let before = self.ranges.len() - self.effect.parameters.len();
-        let followed = self.places.par_iter().filter_map(|Place { ranges, values }| {
-            let mut there = rig.clone();
-            for (range, &value) in ranges.iter().zip(values).skip(before) {
-                there.parameters.set(range.parameter, value);
-            }
-            let found = fit::approach(&there, &ranges[..before], &values[..before], records, steps)?;
-            Some((found.misfit.chi_square, ranges, [&found.values, &values[before..]].concat()))
-        });
-        let followed: Vec<_> = followed.collect();
-        let best = followed.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
-        let best = best.map(|(_, ranges, values)| (ranges, values));
+        let follow = |place: &Place| place.followed(self.effect, rig, records, steps);
+        let followed: Vec<(f64, Place)> = self.places.par_iter().filter_map(follow).collect();
+        let best = followed.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, place)| place);
         let elsewhere = others.iter().flat_map(|first| {
-            self.places
-                .iter()
-                .map(move |Place { ranges, values }| (ranges, [&first[..], &values[before..]].concat()))
-        });
-        let starts: Vec<(&Vec<Range>, Vec<f64>)> =
-            std::iter::once((&self.ranges, self.foreseen.values.clone()))
-                .chain(best)
-                .chain(elsewhere)
-                .collect();
-        let fits: Vec<Candidate> = starts
-            .into_par_iter()
-            .filter_map(|(ranges, start)| {
-                Candidate::rough(
-                    self.effect,
-                    &Place { ranges: ranges.clone(), values: start },
-                    rig,
-                    records,
-                    steps,
-                )
+            self.places.iter().map(move |Place { ranges, values }| Place {
+                ranges: ranges.clone(),
+                values: [&first[..], &values[before..]].concat(),
             })
+        });
+        let foreseen = Place { ranges: self.ranges.clone(), values: self.foreseen.values.clone() };
+        let starts: Vec<Place> = std::iter::once(foreseen).chain(best).chain(elsewhere).collect();
+        let fits: Vec<Candidate> = starts
+            .par_iter()
+            .filter_map(|start| Candidate::rough(self.effect, start, rig, records, steps))
             .collect();
         fits.into_iter().min_by(lower)
     }
@@ -186,7 +168,7 @@ impl Candidate {
     pub(super) fn or_of_another_size(self, rig: &Rig, records: &[Prepared], steps: u32) -> Self {
         let mut best = self;
         for _ in 0..MOST_RESIZED {
-            if within_noise(&best.fit.misfit) {
+            if within_noise(&best.fit.misfit) || interrupt::requested() {
                 break;
             }
             let resized =
@@ -206,13 +188,8 @@ impl Candidate {
         let absent = rig.parameters.get(ranges[first].parameter);
         values[first] = absent + factor * (values[first] - absent);
         ranges[first] = ranges[first].widened_to(values[first])?;
-        let mut there = rig.clone();
-        for (range, &value) in ranges.iter().zip(&values).skip(first) {
-            there.parameters.set(range.parameter, value);
-        }
-        let followed = fit::approach(&there, &ranges[..first], &values[..first], records, steps)?;
-        let values = [&followed.values, &values[first..]].concat();
-        Self::rough(effect, &Place { ranges, values }, rig, records, steps)
+        let (_, start) = Place { ranges, values }.followed(effect, rig, records, steps)?;
+        Self::rough(effect, &start, rig, records, steps)
     }
 
     /// Goes on to the bottom.

@@ -80,12 +80,11 @@ impl Hypothesis {
             .filter(|_| !interrupt::requested())
             .filter_map(|prospect| case.told(prospect.approach(&self.rig, case.train(), others, FEW_STEPS)))
             .collect();
-        let is_explained = near.iter().any(|near| within_noise(&near.fit.misfit));
+        let explain = |near: &[Candidate]| near.iter().any(|near| within_noise(&near.fit.misfit));
+        let is_explained = explain(&near);
         if is_explained && !others.is_empty() {
-            near = near
-                .into_par_iter()
-                .map(|near| near.or_ringing(&self.rig, case.train(), FEW_STEPS))
-                .collect();
+            let ringing = |near: Candidate| near.or_ringing(&self.rig, case.train(), FEW_STEPS);
+            near = near.into_iter().map(ringing).collect();
         } else if !is_explained {
             case.progress.expect(near.len());
             near = near
@@ -99,7 +98,7 @@ impl Hypothesis {
         near.retain(|near| reached(near) > FORESEEN * wanted);
         near.sort_by(|a, b| reached(b).total_cmp(&reached(a)));
         near.truncate(MOST_FITTED);
-        if !near.iter().any(|near| within_noise(&near.fit.misfit)) {
+        if !explain(&near) {
             let resized = |near: Candidate| near.or_of_another_size(&self.rig, case.train(), FEW_STEPS);
             let rest = near.split_off(BEAM.min(near.len()));
             near = near.into_par_iter().map(resized).chain(rest).collect();

@@ -73,6 +73,25 @@ impl Place {
             values: [&self.values[..], &others.values].concat(),
         }
     }
+
+    /// The same once what is in front of an effect's parameters has followed these by some rough steps, and the chi-square
+    /// that this leaves.
+    pub(super) fn followed(
+        &self,
+        effect: &EffectInfo,
+        rig: &Rig,
+        records: &[Prepared],
+        steps: u32,
+    ) -> Option<(f64, Self)> {
+        let before = self.ranges.len() - effect.parameters.len();
+        let mut there = rig.clone();
+        for (range, &value) in self.ranges.iter().zip(&self.values).skip(before) {
+            there.parameters.set(range.parameter, value);
+        }
+        let found = fit::approach(&there, &self.ranges[..before], &self.values[..before], records, steps)?;
+        let values = [&found.values, &self.values[before..]].concat();
+        Some((found.misfit.chi_square, Self { ranges: self.ranges.clone(), values }))
+    }
 }
 
 /// Where an effect of a rig is looked for in records, whose signatures are those around the rig; `is_first`: no effect
