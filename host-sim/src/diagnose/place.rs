@@ -49,6 +49,9 @@ const SPANS: &[f64] = &[REACH, 5.0, 1.0, 0.2];
 /// Times at which a step load is tried, at least, and how far apart they are at most, s.
 const STEP_TIMES: usize = 40;
 const STEP_EVERY_S: f64 = 0.125;
+/// Parts into which the distance between two of them is divided around the best ones, and how often.
+const FINER: i32 = 5;
+const FINER_ROUNDS: i32 = 3;
 
 /// Where a fit starts.
 #[derive(Clone, Debug)]
@@ -163,6 +166,17 @@ fn step_times(records: &[Prepared]) -> Range {
     Range { parameter: Parameter::StepLoadTime, lower: 0.0, upper }
 }
 
+/// A time at which the load may step.
+#[derive(Clone, Copy, Debug)]
+struct Timed {
+    /// The time, s.
+    time: f64,
+    /// The best amount of the step that was tried there, as a multiple of it.
+    amount: f64,
+    /// By how much that lowers chi-square.
+    gain: f64,
+}
+
 /// What looks for the places of an effect.
 struct Seeker<'a> {
     effect: &'a EffectInfo,
@@ -196,26 +210,35 @@ impl Seeker<'_> {
         self.signatures.of(&rig)
     }
 
-    /// The times at which a step of the load explains most.
+    /// The times at which a step of the load explains most. What a step sets going swings: its time has valleys that are
+    /// narrower than the ones that are tried first are apart.
     fn steps(&self, records: &[Prepared]) -> Vec<Place> {
         let times = step_times(records);
         let count = STEP_TIMES.max((times.upper / STEP_EVERY_S).ceil() as usize);
-        let time = |index: usize| times.upper * (index as f64 + 0.5) / count as f64;
+        let apart = times.upper / count as f64;
         let step = 0.5 * self.effect.sizes[0];
-        let tried: Vec<(f64, f64)> = (0..count)
-            .into_par_iter()
-            .map(|index| {
-                let signature = self.signature(&[self.here(0) + step, time(index)]);
-                let best = self.signatures.best(&[signature]);
-                best.map_or((0.0, step), |(amounts, gain)| (-gain, amounts[0] * step))
-            })
-            .collect();
-        let costs: Vec<f64> = tried.iter().map(|(cost, _)| *cost).collect();
-        let place = |index: usize| Place {
-            ranges: vec![self.reach(0), times],
-            values: vec![self.here(0) + tried[index].1, time(index)],
+        let judged = |time: f64| {
+            let signature = self.signature(&[self.here(0) + step, time]);
+            let (amount, gain) =
+                self.signatures.best(&[signature]).map_or((1.0, 0.0), |(amounts, gain)| (amounts[0], gain));
+            Timed { time, amount, gain }
         };
-        valleys(&costs, 0.0).into_iter().map(place).collect()
+        let tried: Vec<Timed> =
+            (0..count).into_par_iter().map(|index| judged(apart * (index as f64 + 0.5))).collect();
+        let refined = |coarse: usize| {
+            let finer = |best: Timed, round: i32| {
+                let apart = apart / f64::from(FINER.pow(round as u32));
+                let around = (-FINER..=FINER).into_par_iter().map(|step| best.time + apart * f64::from(step));
+                around.map(judged).chain([best]).max_by(|a, b| a.gain.total_cmp(&b.gain)).unwrap_or(best)
+            };
+            (1..=FINER_ROUNDS).fold(tried[coarse], finer)
+        };
+        let place = |timed: Timed| Place {
+            ranges: vec![self.reach(0), times],
+            values: vec![self.here(0) + timed.amount * step, timed.time.clamp(times.lower, times.upper)],
+        };
+        let costs: Vec<f64> = tried.iter().map(|timed| -timed.gain).collect();
+        valleys(&costs, 0.0).into_iter().map(refined).map(place).collect()
     }
 
     /// The pitches at which a ripple explains most.
