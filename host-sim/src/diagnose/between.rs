@@ -94,7 +94,7 @@ impl Jumping {
         };
         let gain = found.cost(scale) - least;
         if gain.abs() <= TOLD_APART && found.same_effects(&best.model) {
-            return Between::Open(best.model.estimates(&best.case(curved), None));
+            return Between::Open(best.model.estimates(&best.case(curved)));
         }
         let explains_little = without.is_unexplained() && best.model.share_of(found) < GROWING_SHARE;
         if gain <= TOLD_APART || explains_little {

@@ -73,7 +73,13 @@ pub(super) fn conclude(
         (false, _) => Verdict::Unexplained,
     };
     let inflation = (!noise_only).then(|| inflation(case.train(), &predictions, &best.train.misfit));
-    let estimates: Vec<Estimate> = best.estimates(case, inflation);
+    // Once the held-out records have had their say, what they tell of the sizes counts as well.
+    let estimates_of = |model: &Hypothesis| {
+        inflation.map_or_else(|| model.estimates(case), |inflation| model.inflated_estimates(case, inflation))
+    };
+    let (rig, fit) =
+        if noise_only { (best.rig_of_all(), &best.joint) } else { (best.rig.clone(), &best.train) };
+    let estimates = estimates_of(best);
     let found: Vec<Found> = earned
         .iter()
         .zip(&open.stand_ins)
@@ -89,8 +95,7 @@ pub(super) fn conclude(
                 .collect(),
         })
         .collect();
-    let others: Vec<Vec<Estimate>> =
-        open.stand_ins.iter().flatten().map(|other| other.estimates(case, inflation)).collect();
+    let others: Vec<Vec<Estimate>> = open.stand_ins.iter().flatten().map(estimates_of).collect();
     let faults = (0..case.rig.faults.len())
         .map(|index| {
             let mut estimate = estimates[index];
@@ -112,10 +117,7 @@ pub(super) fn conclude(
         interrupted: interrupt::requested(),
         faults,
         free: estimates[case.rig.faults.len()..before.estimates.len()].to_vec(),
-        correlation: Correlation::new(
-            best.ranges.iter().map(|range| range.parameter),
-            &best.train.covariance,
-        ),
+        correlation: Correlation::new(best.ranges.iter().map(|range| range.parameter), &fit.covariance),
         found,
         noise: fit::pooled(case.train().iter().map(Prepared::noise_rms)),
         colour: case.train()[0].colour,
@@ -123,7 +125,8 @@ pub(super) fn conclude(
         holdout: (!case.holdout().is_empty()).then(|| scores(case.holdout())),
         left,
         is_open,
-        rig: best.rig.clone(),
+        rig,
+        foretelling: best.rig.clone(),
         predictions,
         before,
         records: case.records.to_vec(),

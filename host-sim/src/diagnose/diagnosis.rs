@@ -69,7 +69,7 @@ pub struct Diagnosis {
     pub interrupted: bool,
     /// The faults before any effect was added.
     pub before: Fit,
-    /// The declared faults at the end.
+    /// The declared faults at the end: where noise is left, as all records have them.
     pub faults: Vec<Fault>,
     /// The other parameters that the rig declares free, at the end.
     pub free: Vec<Estimate>,
@@ -88,8 +88,10 @@ pub struct Diagnosis {
     /// Do the fitted records leave so much open that the held-out ones are predicted worse than their noise, although the
     /// model explains them all together?
     pub is_open: bool,
-    /// The final model.
+    /// The final model, with the values of the faults and effects above: where it leaves noise, those of all records.
     pub rig: Rig,
+    /// The same with the values of the fitted records alone: what foretells the held-out ones. The errors are its.
+    pub foretelling: Rig,
     /// Its prediction of the training records.
     pub predictions: Vec<Vec<Outputs<f64>>>,
     /// What is left, where the verdict is unexplained.

@@ -4,7 +4,7 @@ use super::Case;
 use super::candidate::{self, Prospect};
 use super::place::{self, Place};
 use super::signature::Signatures;
-use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, Polished, TOLD_APART, Valley};
+use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, Polished, Prepared, TOLD_APART, Valley};
 use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
@@ -164,26 +164,38 @@ impl Hypothesis {
         effect.parameters.len() as f64 * of_parameter + 2.0 * (EFFECTS.len() as f64).ln()
     }
 
-    /// What is free, with errors for white noise that is `inflation` times as strong; none where noise is what is left.
-    pub(super) fn estimates(&self, case: &Case<'_>, inflation: Option<f64>) -> Vec<Estimate> {
-        let inflated = |inflation: f64| {
-            (0..self.ranges.len()).map(|index| self.train.standard_error(index) * inflation.sqrt()).collect()
-        };
-        let errors: Vec<f64> = inflation.map_or_else(
-            || fit::standard_errors(&self.rig, &self.ranges, &self.train, case.train()),
-            inflated,
-        );
-        let cost =
-            case.timed.and_then(|timed| timed.jumps.cost(&self.rig, &self.ranges, &self.train, case.train()));
-        let widening = cost.map_or_else(|| vec![1.0; errors.len()], |cost| cost.widening);
-        let values = self.ranges.iter().zip(&self.train.values).zip(iter::zip(errors, widening));
-        let mut estimates: Vec<Estimate> = values
-            .map(|((range, &value), (error, wider))| Estimate::new(range, value, wider * error))
-            .collect();
-        if inflation.is_none() {
-            self.valley(case).widen(&mut estimates[..case.rig.faults.len()]);
-        }
+    /// What is free where noise is what is left, as all records have it.
+    pub(super) fn estimates(&self, case: &Case<'_>) -> Vec<Estimate> {
+        let Self { ranges, joint, .. } = self;
+        let rig = self.rig_of_all();
+        let errors = fit::standard_errors(&rig, ranges, joint, case.records);
+        let mut estimates = self.with_errors(case, joint, case.records, errors);
+        let faults = case.rig.faults.len();
+        Valley::around(&rig, ranges, joint, case.records, faults).widen(&mut estimates[..faults]);
         estimates
+    }
+
+    /// What is free where more than noise is left, as the fitted records have it, with errors for white noise that is
+    /// `inflation` times as strong.
+    pub(super) fn inflated_estimates(&self, case: &Case<'_>, inflation: f64) -> Vec<Estimate> {
+        let Self { ranges, train, .. } = self;
+        let errors = (0..ranges.len()).map(|index| train.standard_error(index) * inflation.sqrt()).collect();
+        self.with_errors(case, train, case.train(), errors)
+    }
+
+    /// The values of a fit of some records with their standard errors, these wider where times of jumps were fitted as well.
+    fn with_errors(
+        &self,
+        case: &Case<'_>,
+        fit: &Polished,
+        records: &[Prepared],
+        errors: Vec<f64>,
+    ) -> Vec<Estimate> {
+        let rig = fit.applied(&self.rig, &self.ranges);
+        let cost = case.timed.and_then(|timed| timed.jumps.cost(&rig, &self.ranges, fit, records));
+        let widening = cost.map_or_else(|| vec![1.0; errors.len()], |cost| cost.widening);
+        let values = self.ranges.iter().zip(&fit.values).zip(iter::zip(errors, widening));
+        values.map(|((range, &value), (error, wider))| Estimate::new(range, value, wider * error)).collect()
     }
 
     /// The effect that was added last.
@@ -296,10 +308,15 @@ impl Hypothesis {
         held_out.count > 0 && within_noise(train) && !within_noise(&held_out)
     }
 
+    /// The rig with the values that fit all records.
+    pub(super) fn rig_of_all(&self) -> Rig {
+        self.joint.applied(&self.rig, &self.ranges)
+    }
+
     /// The model with the values that all records have.
     pub(super) fn as_all_have_it(&self) -> Self {
         Self {
-            rig: self.joint.applied(&self.rig, &self.ranges),
+            rig: self.rig_of_all(),
             train: self.joint.clone(),
             prospects: OnceLock::new(),
             valley: OnceLock::new(),
@@ -354,7 +371,7 @@ impl Hypothesis {
 
     /// This model where the fit to all records of one with more in it shows a better valley of them.
     fn in_valley_of(self, case: &Case<'_>, larger: &Self) -> Self {
-        let there = Place::of(&larger.joint.applied(&larger.rig, &larger.ranges), &self.ranges);
+        let there = Place::of(&larger.rig_of_all(), &self.ranges);
         match fit::polish(&self.rig, &self.ranges, &there.values, case.records) {
             Some(joint) if joint.misfit.chi_square < self.joint.misfit.chi_square - BETTER_VALLEY => {
                 let Self { rig, ranges, train, added, .. } = self;

@@ -98,7 +98,7 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
         let moved = best.refitted(there);
         let is_open = !best.is_likelier(&moved);
         if is_open && !is_unexplained {
-            diagnosis.hold(&moved.estimates(there, None));
+            diagnosis.hold(&moved.estimates(there));
         }
         let differs = readings_apart(&best.rig, here, there) >= TOLD_APART * scale;
         if differs && (is_open || is_unexplained) {

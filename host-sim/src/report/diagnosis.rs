@@ -47,7 +47,7 @@ pub(crate) fn diagnosis(case: &Diagnosed<'_>) -> String {
     let (diagnosis, result) = (case.diagnosis, case.result);
     let (train, holdout) = diagnosis.records.split_at(case.train.len());
     let before = diagnosis.before.applied(case.rig);
-    let held_out = [fit::predict(&before, holdout), fit::predict(&diagnosis.rig, holdout)];
+    let held_out = [fit::predict(&before, holdout), fit::predict(&diagnosis.foretelling, holdout)];
     let changed = !diagnosis.found.is_empty();
     let compare = |part: &'static str, index: usize| {
         let (record, prepared, offset, outputs): (_, _, _, [&[Outputs<f64>]; 2]) = if part == "fitted" {

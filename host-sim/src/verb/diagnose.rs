@@ -153,7 +153,7 @@ impl Job<'_> {
         let before = diagnosis.before.applied(&self.rig);
         [&self.train, &self.holdout].map(|records| {
             let score = |rig: &Rig| fit::loop_score(rig, records);
-            Some([score(&before)?, score(&diagnosis.rig)?])
+            Some([score(&before)?, score(&diagnosis.foretelling)?])
         })
     }
 
@@ -313,7 +313,7 @@ impl Job<'_> {
         })?;
         if let (Some(path), Some(record)) = (prediction, self.holdout.first()) {
             let compared = &diagnosis.records[self.train.len()];
-            let predicted = fit::predict(&diagnosis.rig, slice::from_ref(compared)).concat();
+            let predicted = fit::predict(&diagnosis.foretelling, slice::from_ref(compared)).concat();
             Trace::of_prediction(record, &predicted).save(path)?;
         }
         Ok(())
