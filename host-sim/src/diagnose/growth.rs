@@ -121,7 +121,7 @@ impl Hypothesis {
     }
 
     /// Makes hypotheses of candidates.
-    fn with(&self, case: &Case<'_>, candidates: Vec<Candidate>) -> Vec<Self> {
+    pub(super) fn with(&self, case: &Case<'_>, candidates: Vec<Candidate>) -> Vec<Self> {
         candidates
             .into_par_iter()
             .map(|candidate| {

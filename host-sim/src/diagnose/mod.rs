@@ -35,6 +35,7 @@ mod diagnosis;
 mod growth;
 mod hypothesis;
 mod jumps;
+mod onset;
 mod place;
 pub mod progress;
 mod readings;

@@ -42,6 +42,11 @@ const RINGING_PER_DECADE: i32 = 460;
 const RINGING_DECADES: i32 = 2;
 /// Half width of the search around such a size, as a part of it.
 const RINGING_REACH: f64 = 0.1;
+/// The largest size of it that is looked for in the first moments of records, in its sizes, and in how many spans of a decade,
+/// over how many decades below that.
+const LARGEST_RINGING: f64 = 10.0;
+const RINGING_SPANS_PER_DECADE: i32 = 8;
+const RINGING_SPAN_DECADES: i32 = 3;
 /// What a mount is tried with: whether the load's inertia follows its base, and whether the loop sees it.
 const MOUNTS: [[f64; 2]; 4] = [[1.0, 1.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0]];
 /// Half widths of the search for an effect where no slope leads to it, in its sizes.
@@ -156,6 +161,21 @@ pub(super) fn spans(effect: &EffectInfo, rig: &Rig, records: &[Prepared]) -> Vec
             .collect()
     };
     SPANS.iter().map(span).collect()
+}
+
+/// The ranges in which an effect of a rig is searched in the first moments of records. What rings has valleys that are a
+/// part of its size wide, whatever that is.
+pub(super) fn spans_of_moments(effect: &EffectInfo, rig: &Rig, moments: &[Prepared]) -> Vec<Vec<Range>> {
+    let &[parameter @ Parameter::OilCompliance] = effect.parameters else {
+        return spans(effect, rig, moments);
+    };
+    let size = |step: i32| {
+        LARGEST_RINGING
+            * effect.sizes[0]
+            * 10_f64.powf(-f64::from(step) / f64::from(RINGING_SPANS_PER_DECADE))
+    };
+    let steps = 0..RINGING_SPANS_PER_DECADE * RINGING_SPAN_DECADES;
+    steps.map(|step| vec![Range { parameter, lower: size(step + 1), upper: size(step) }]).collect()
 }
 
 /// The times at which the load may step in some records.

@@ -7,6 +7,7 @@ use crate::fit::{FitSettings, TOLD_APART};
 use crate::interrupt;
 use rayon::prelude::*;
 use std::iter;
+use std::slice;
 
 /// Most effects that are added.
 const MOST_EFFECTS: usize = 5;
@@ -68,10 +69,15 @@ pub(super) fn search(
     settings: &FitSettings,
 ) -> Sound {
     let mut growth = Growth { case, tried: known.into_iter().collect() };
-    let beam = growth.chosen(&[root], grown);
-    growth.run(beam, [0.05, 0.6]);
+    let root = [root];
+    let beam = growth.chosen(&root, grown);
+    let beam = growth.or_followed(beam, &root, settings, [0.05, 0.1]);
+    growth.run(beam, [0.1, 0.55]);
     growth.look_beside_the_first();
     growth.look_again();
+    let singles = growth.singles();
+    let beam = growth.or_followed(Vec::new(), &singles, settings, [0.6, 0.65]);
+    growth.run(beam, [0.6, 0.65]);
     growth.run_from_afar(settings);
     let mut tried = growth.tried;
     let simple = tried.iter().filter(|known| known.added.len() <= 1).cloned().collect();
@@ -161,6 +167,14 @@ impl Growth<'_> {
         next
     }
 
+    /// The best of one effect, the one that leaves least first.
+    fn singles(&self) -> Vec<Hypothesis> {
+        let mut singles: Vec<&Hypothesis> =
+            self.tried.iter().filter(|known| known.added.len() == 1).collect();
+        singles.sort_by(|a, b| hypothesis::lower(a, b));
+        singles.into_iter().take(BEAM).cloned().collect()
+    }
+
     /// Is there an explanation that is cheaper than all that was tried?
     fn is_beaten(&self) -> bool {
         let costs_more = |rival| self.tried.iter().all(|known| known.cost(1.0) > rival + TOLD_APART);
@@ -174,15 +188,45 @@ impl Growth<'_> {
             || self.tried.iter().any(|known| known.leaves_noise(self.case))
     }
 
+    /// What is grown next: where nothing that was tried leaves noise, also what explains the first moments of the records
+    /// beside the effects of some models.
+    fn or_followed(
+        &mut self,
+        mut beam: Vec<Hypothesis>,
+        bases: &[Hypothesis],
+        settings: &FitSettings,
+        [from, to]: [f64; 2],
+    ) -> Vec<Hypothesis> {
+        for (index, base) in bases.iter().enumerate() {
+            if self.is_done() {
+                break;
+            }
+            let share = |index: usize| from + index as f64 / bases.len() as f64 * (to - from);
+            self.case.progress.begin("following the first moments", [share(index), share(index + 1)]);
+            let found = base.followed(self.case, settings);
+            if found.is_empty() {
+                continue;
+            }
+            for new in found {
+                match beam.iter_mut().find(|known| known.same_effects(&new)) {
+                    Some(known) if hypothesis::lower(known, &new).is_le() => {}
+                    Some(known) => *known = new,
+                    None => beam.push(new),
+                }
+            }
+            self.tried.retain(|known| !beam.iter().any(|new| new.same_effects(known)));
+            beam = self.chosen(slice::from_ref(base), beam);
+        }
+        beam
+    }
+
     /// Where nothing that was tried leaves noise, but one effect takes away nearly all that there was: looks for any other
     /// beside it. The faults may be far off to make up for that one, so that the linear model says nothing of it.
     fn look_beside_the_first(&mut self) {
         if self.is_done() {
             return;
         }
-        let singles = self.tried.iter().filter(|known| known.added.len() == 1);
-        let best = singles.min_by(|a, b| hypothesis::lower(a, b));
-        let Some((mut best, root)) = best.cloned().zip(root(&self.tried)) else { return };
+        let Some((mut best, root)) = self.singles().into_iter().next().zip(root(&self.tried)) else { return };
         if best.share_of(root) < NEARLY_ALL {
             return;
         }

@@ -3,10 +3,11 @@
 use super::Case;
 use super::hypothesis::Hypothesis;
 use super::residual::{self, MEASURED};
-use crate::fit::{self, Polished, Prepared, SMALLEST_NOISE};
+use crate::fit::{self, FRICTION_ERROR, Polished, Prepared, SMALLEST_NOISE};
 use crate::rig::Range;
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::identify::within_noise;
+use eha_monitor::model::Drive;
 use eha_monitor::model::state::Outputs;
 use eha_monitor::parameter::Parameter;
 use rayon::prelude::*;
@@ -17,6 +18,8 @@ use rayon::prelude::*;
 const HOLDOUT_CHANCE: f64 = 9.0;
 /// Standard errors, over blocks of the records, that a gain must have where what is left is not noise.
 const ROBUST_SIGMA: f64 = 2.0;
+/// Standard uncertainties of the friction that may be a model's own error.
+const FRICTION_SIGMA: f64 = 3.0;
 /// Standard errors that an effect's size must be from none: one whose interval holds none opens another valley of the
 /// rest, no more.
 const SIZE_SIGMA: f64 = 2.0;
@@ -123,7 +126,25 @@ impl Hypothesis {
     /// can neither speak for it nor against it.
     fn changes_the_held_out(&self, case: &Case<'_>, without: &Self) -> bool {
         let [here, there] = [self, without].map(|model| &model.predictions[case.fitted..]);
-        differ(case.holdout(), here, there, &case.model_error)
+        differ(case.holdout(), here, there, &self.own_error(case))
+    }
+
+    /// What its prediction of each channel may be off without anything being missing. What rings or slips and sticks can
+    /// turn a hair of friction into another course: more than a model's own error is what that much of it changes which
+    /// no record takes away.
+    fn own_error(&self, case: &Case<'_>) -> [f64; MEASURED] {
+        let mut error = case.model_error;
+        if case.rig.form.drive == Drive::Valve {
+            let mut rig = self.rig_of_all();
+            rig.parameters.fdj += FRICTION_SIGMA * FRICTION_ERROR;
+            let moved = fit::predict(&rig, case.records);
+            for (one, other) in self.predictions.iter().zip(&moved) {
+                for (channel, error) in error.iter_mut().enumerate() {
+                    *error = error.max(fit::rms(fit::differences(one, other, channel)));
+                }
+            }
+        }
+        error
     }
 
     /// Does it change the prediction of a record by more than the model's own error, or make noise of what the other
@@ -131,13 +152,13 @@ impl Hypothesis {
     /// far that this alone would? Where what is left is not noise it is no name, just a help for prediction: what is
     /// believed is bar enough.
     fn matters_against(&self, case: &Case<'_>, without: &Self, noise_only: bool) -> bool {
-        let bar = if noise_only { case.model_error } else { SMALLEST_NOISE };
+        let bar = if noise_only { self.own_error(case) } else { SMALLEST_NOISE };
         let changes = |bar| differ(case.records, &self.predictions, &without.predictions, bar);
         let is_biased = |(index, range): (usize, &Range)| {
             let shift = without.train.values[index] - self.train.values[index];
             let error = self.train.standard_error(index) * self.scale().sqrt();
             let moved = || {
-                let mut rig = self.joint.applied(&self.rig, &self.ranges);
+                let mut rig = self.rig_of_all();
                 rig.parameters.set(range.parameter, self.joint.values[index] + shift);
                 fit::predict(&rig, case.records)
             };

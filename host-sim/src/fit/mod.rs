@@ -35,7 +35,7 @@ pub use prepare::{Prepared, prepare, prepare_with};
 pub use reading::{AsRead, Reading, curved, fit_as_read, is_command_late, speaks_for};
 pub use result::Fit;
 pub use search::{FitSettings, Standing, fit, fit_from_seeds, fit_near};
-pub use systematic::standard_errors;
+pub use systematic::{FRICTION_ERROR, standard_errors};
 pub use valley::Valley;
 pub use visits::Visit;
 

@@ -138,6 +138,21 @@ impl Prepared {
         })
     }
 
+    /// The first samples of the record, so many of them.
+    pub fn begin(&self, samples: usize) -> Self {
+        let cut = |values: &Vec<f64>| values[..samples.min(values.len())].to_vec();
+        Self {
+            command: cut(&self.command),
+            arriving: cut(&self.arriving),
+            ahead: cut(&self.ahead),
+            force: cut(&self.force),
+            measured: self.measured.each_ref().map(cut),
+            drive: cut(&self.drive),
+            starts: self.starts.clone(),
+            ..*self
+        }
+    }
+
     /// The same record, its command on the path that a rig says. It must be on straight lines now: the samples
     /// themselves.
     ///

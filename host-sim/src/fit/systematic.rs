@@ -19,7 +19,7 @@ type Covariance = SMatrix<f64, MAX_FREE, MAX_FREE>;
 /// Standard uncertainty, N, of the dry friction of a jack that a valve drives, which no record takes away. A program that
 /// steps by the source's rule, 2 us at a time, is late by a part of a step wherever the ram stops or starts: to who knows
 /// the friction that well, it looks 0.1 to 0.3 N weaker.
-const FRICTION: f64 = 0.2;
+pub const FRICTION_ERROR: f64 = 0.2;
 
 /// Standard error of each value of a fit that leaves noise of records: what white noise makes of it, and what the model's
 /// own error can.
@@ -62,7 +62,7 @@ pub(super) fn of_genes<S: Stepper<f64>>(
     if problem.form.drive == Drive::Valve {
         for (free, shift) in iter::zip(problem.free, &mut shifts) {
             if free.parameter == Parameter::DryFriction {
-                *shift = shift.hypot(FRICTION / free.range());
+                *shift = shift.hypot(FRICTION_ERROR / free.range());
             }
         }
     }
