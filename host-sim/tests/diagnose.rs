@@ -343,6 +343,17 @@ fn a_mount_without_mass_is_named() {
 }
 
 #[test]
+fn what_rings_is_found_in_its_first_moments() {
+    // The loop swings by 0.7 mm.
+    let mut plant = faulty();
+    plant.effects.bulk_modulus = Some(5e8);
+    let commands = [Command::CHIRP, Command::Mixed, Command::MixedStep];
+    let result = diagnose_positions(&plant, &commands, 3e-6, 1);
+    assert_eq!(result["verdict"], "explained", "{result:#}");
+    assert_eq!(class(&result), ["compressibility"]);
+}
+
+#[test]
 fn a_supply_may_sag_with_another_lag_than_the_usual() {
     let mut plant = faulty();
     (plant.effects.supply_sag, plant.effects.supply_sag_lag) = (2.5, 0.08);
@@ -662,6 +673,13 @@ fn faults_that_the_fitted_records_leave_open_are_said_to_be_so() {
     let positions = diagnose_positions(&plant, &commands, POSITION_NOISE, 31);
     assert_eq!(positions["verdict"], "adequate", "{positions:#}");
     assert!(positions["warnings"].to_string().contains(note), "{positions:#}");
+    // What the held-out one tells of them counts as well.
+    for (fault, truth) in [6.76e-4, 1181.0].into_iter().enumerate() {
+        let spread = |fault: &Value| fault["ci95"][1].as_f64().unwrap() - fault["ci95"][0].as_f64().unwrap();
+        let [before, after] = ["faults_before", "faults"].map(|faults| &positions[faults][fault]);
+        assert!((after["value"].as_f64().unwrap() - truth).abs() < spread(after), "{after}, {truth}");
+        assert!(spread(after) < 0.5 * spread(before), "{before}, {after}");
+    }
     let currents = diagnose(&plant, 31);
     assert_eq!(currents["verdict"], "adequate", "{currents:#}");
     assert!(!currents["warnings"].to_string().contains(note), "{currents:#}");

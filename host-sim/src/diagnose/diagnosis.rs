@@ -109,6 +109,15 @@ impl Diagnosis {
         format!("{}{}", self.verdict.name(), if so_far { " so far (interrupted)" } else { "" })
     }
 
+    /// Which values those after an effect was added are, for a person.
+    pub fn after_in_words(&self) -> &'static str {
+        if self.holdout.is_some() && self.verdict != Verdict::Unexplained {
+            "after, of all records"
+        } else {
+            "after"
+        }
+    }
+
     /// Widens the intervals to hold those of the same model on another path of the command, which may be it as well.
     pub(super) fn hold(&mut self, others: &[Estimate]) {
         let of_faults = self.faults.iter_mut().map(|fault| &mut fault.estimate);

@@ -314,7 +314,7 @@ fn estimates(diagnosis: &Diagnosis) -> Markup {
     let (title, first) = headings(diagnosis);
     html! {
         (estimates::estimates(&[(Role::Before, "before", before), (Role::After, "after", after)]))
-        (table(title, "", &[first, "before", "after", "95 % interval", "mixed up with"], &rows, true))
+        (table(title, "", &[first, "before", diagnosis.after_in_words(), "95 % interval", "mixed up with"], &rows, true))
         @if diagnosis.correlation.parameters.len() > 1 {
             (correlation_matrix("Correlation of the estimates, after", &diagnosis.correlation))
         }

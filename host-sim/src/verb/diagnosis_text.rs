@@ -117,13 +117,14 @@ fn tables(diagnosis: &Diagnosis) -> impl Iterator<Item = Table> {
         vec![info.name.to_owned(), q(before.value), q(after.value), format!("{lower} to {upper}")]
     };
     let (faults_before, free_before) = diagnosis.before.estimates.split_at(diagnosis.faults.len());
-    let mut faults = output::table(["fault", "before", "after", "95 % interval", "mixed up with"]);
+    let after = diagnosis.after_in_words();
+    let mut faults = output::table(["fault", "before", after, "95 % interval", "mixed up with"]);
     for (fault, before) in diagnosis.faults.iter().zip(faults_before) {
         let names = effects_in_words(&fault.confounded_with);
         let names = if names.is_empty() { "-".to_owned() } else { names };
         faults.add_row([row(before, &fault.estimate), vec![names]].concat());
     }
-    let mut free = output::table(["free parameter", "before", "after", "95 % interval"]);
+    let mut free = output::table(["free parameter", "before", after, "95 % interval"]);
     for (after, before) in diagnosis.free.iter().zip(free_before) {
         free.add_row(row(before, after));
     }
