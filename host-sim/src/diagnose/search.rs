@@ -2,7 +2,7 @@
 
 use super::Case;
 use super::hypothesis::{self, Hypothesis};
-use super::weighing::Earned;
+use super::weighing::{self, Earned};
 use crate::fit::{FitSettings, TOLD_APART};
 use crate::interrupt;
 use rayon::prelude::*;
@@ -208,11 +208,7 @@ impl Growth<'_> {
                 continue;
             }
             for new in found {
-                match beam.iter_mut().find(|known| known.same_effects(&new)) {
-                    Some(known) if hypothesis::lower(known, &new).is_le() => {}
-                    Some(known) => *known = new,
-                    None => beam.push(new),
-                }
+                weighing::learn(&mut beam, new);
             }
             self.tried.retain(|known| !beam.iter().any(|new| new.same_effects(known)));
             beam = self.chosen(slice::from_ref(base), beam);

@@ -11,6 +11,7 @@ use eha_monitor::model::Drive;
 use eha_monitor::model::state::Outputs;
 use eha_monitor::parameter::Parameter;
 use rayon::prelude::*;
+use std::cell::LazyCell;
 
 /// Rise of the held-out records' chi-square that chance explains (three standard deviations of one parameter: with two,
 /// one effect in fifty would be refused though it is there), in units of what is left and for samples that say different
@@ -87,12 +88,14 @@ impl Hypothesis {
         } else {
             residual::correlation_time(case.holdout(), &self.predictions[case.fitted..])
         };
+        // Where what is left is not noise an effect is no name, just a help for prediction: what is believed is bar enough.
+        let bar = LazyCell::new(|| if noise_only { self.own_error(case) } else { SMALLEST_NOISE });
         let earns = |earned: &Earned| {
             earned.evidence > 0.0
                 && self.is_of_a_size(case, earned.effect)
                 && (self.harm(&earned.without) < HOLDOUT_CHANCE * repeats
-                    || noise_only && !self.changes_the_held_out(case, &earned.without))
-                && self.matters_against(case, &earned.without, noise_only)
+                    || noise_only && !self.changes_the_held_out(case, &earned.without, &bar))
+                && self.matters_against(case, &earned.without, noise_only, &bar)
                 && (noise_only || self.gains_everywhere(case, &earned.without))
         };
         let idle = all.iter().filter(|earned| !earns(earned));
@@ -122,11 +125,11 @@ impl Hypothesis {
         (held_out(self) - held_out(without)) / self.scale()
     }
 
-    /// Are the held-out records predicted otherwise than by another model, by more than a model's own error? If not, they
+    /// Are the held-out records predicted otherwise than by another model, by more than a bar? If not, they
     /// can neither speak for it nor against it.
-    fn changes_the_held_out(&self, case: &Case<'_>, without: &Self) -> bool {
+    fn changes_the_held_out(&self, case: &Case<'_>, without: &Self, bar: &[f64; MEASURED]) -> bool {
         let [here, there] = [self, without].map(|model| &model.predictions[case.fitted..]);
-        differ(case.holdout(), here, there, &self.own_error(case))
+        differ(case.holdout(), here, there, bar)
     }
 
     /// What its prediction of each channel may be off without anything being missing. What rings or slips and sticks can
@@ -147,12 +150,16 @@ impl Hypothesis {
         error
     }
 
-    /// Does it change the prediction of a record by more than the model's own error, or make noise of what the other
-    /// leaves? Or does it change it by more than is believed of a channel, and move a fault by more than its error and so
-    /// far that this alone would? Where what is left is not noise it is no name, just a help for prediction: what is
-    /// believed is bar enough.
-    fn matters_against(&self, case: &Case<'_>, without: &Self, noise_only: bool) -> bool {
-        let bar = if noise_only { self.own_error(case) } else { SMALLEST_NOISE };
+    /// Does it change the prediction of a record by more than a bar, or make noise of what the other leaves? Or does it
+    /// change it by more than is believed of a channel, and move a fault by more than its error and so far that this alone
+    /// would?
+    fn matters_against(
+        &self,
+        case: &Case<'_>,
+        without: &Self,
+        noise_only: bool,
+        bar: &[f64; MEASURED],
+    ) -> bool {
         let changes = |bar| differ(case.records, &self.predictions, &without.predictions, bar);
         let is_biased = |(index, range): (usize, &Range)| {
             let shift = without.train.values[index] - self.train.values[index];
@@ -162,9 +169,9 @@ impl Hypothesis {
                 rig.parameters.set(range.parameter, self.joint.values[index] + shift);
                 fit::predict(&rig, case.records)
             };
-            shift.abs() > 3.0 * error && differ(case.records, &self.predictions, &moved(), &bar)
+            shift.abs() > 3.0 * error && differ(case.records, &self.predictions, &moved(), bar)
         };
-        changes(&bar)
+        changes(bar)
             || noise_only && !without.leaves_noise(case)
             || changes(&SMALLEST_NOISE) && case.rig.faults.iter().enumerate().any(is_biased)
     }
@@ -182,7 +189,7 @@ impl Hypothesis {
 
 /// Adds a model to those that are known, or puts it in place of one of the same effects that fits worse; what is known
 /// of these effects then.
-fn learn(known: &mut Vec<Hypothesis>, new: Hypothesis) -> &Hypothesis {
+pub(super) fn learn(known: &mut Vec<Hypothesis>, new: Hypothesis) -> &Hypothesis {
     let index = known.iter().position(|known| known.same_effects(&new)).unwrap_or(known.len());
     match known.get_mut(index) {
         Some(known) if known.joint.misfit.chi_square <= new.joint.misfit.chi_square => {}

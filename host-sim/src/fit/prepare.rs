@@ -117,38 +117,25 @@ impl Prepared {
             piece if !is_whole || piece == 0 => self.starts[piece],
             _ => moving_start(&self.measured[0], at, self.sample_period),
         };
-        Some(Self {
-            sample_period: self.sample_period,
-            command: cut(&self.command),
-            arriving: cut(&self.arriving),
-            ahead: cut(&self.ahead),
-            force: cut(&self.force),
-            measured: self.measured.each_ref().map(cut),
-            drive: cut(&self.drive),
-            law: self.law,
-            holds: self.holds,
-            noise: self.noise,
-            colour: self.colour,
-            starts: at.iter().map(start).collect(),
-            stretch,
-            settle,
-            offset_unknown: self.offset_unknown,
-            lost: self.lost,
-            off_by_steps: self.off_by_steps,
-        })
+        Some(Self { stretch, settle, ..self.cut(cut, at.iter().map(start).collect()) })
     }
 
     /// The first samples of the record, so many of them.
     pub fn begin(&self, samples: usize) -> Self {
         let cut = |values: &Vec<f64>| values[..samples.min(values.len())].to_vec();
+        self.cut(cut, self.starts.clone())
+    }
+
+    /// The same of a part of every series, which starts so.
+    fn cut(&self, cut: impl Fn(&Vec<f64>) -> Vec<f64>, starts: Vec<Start<f64>>) -> Self {
         Self {
             command: cut(&self.command),
             arriving: cut(&self.arriving),
             ahead: cut(&self.ahead),
             force: cut(&self.force),
-            measured: self.measured.each_ref().map(cut),
+            measured: self.measured.each_ref().map(&cut),
             drive: cut(&self.drive),
-            starts: self.starts.clone(),
+            starts,
             ..*self
         }
     }
