@@ -354,6 +354,21 @@ fn what_rings_is_found_in_its_first_moments() {
 }
 
 #[test]
+fn two_effects_that_two_others_make_up_for_are_in_their_classes() {
+    let mut plant = faulty();
+    (plant.parameters.backlash, plant.parameters.jack_friction) = (3.28e-4, 705.0);
+    (plant.parameters.jack_viscosity, plant.parameters.pressure_gain) = (5e4, 3.75e10);
+    let commands = [Command::Chirp { amplitude: 6e-3 }, Command::MixedStep, Command::CHIRP_LOW];
+    let result = diagnose_positions(&plant, &commands, 1.5e-6, 1);
+    assert_eq!(result["verdict"], "explained", "{result:#}");
+    for effect in ["viscous-friction", "pressure-gain"] {
+        assert!(class(&result).iter().any(|name| name == effect), "{effect}: {:?}", class(&result));
+    }
+    let [_, friction] = intervals_of_faults(&result);
+    assert!(friction[0] < 705.0 && 705.0 < friction[1], "{friction:?}");
+}
+
+#[test]
 fn a_supply_may_sag_with_another_lag_than_the_usual() {
     let mut plant = faulty();
     (plant.effects.supply_sag, plant.effects.supply_sag_lag) = (2.5, 0.08);

@@ -7,10 +7,14 @@ use super::residual::{self, MEASURED};
 use crate::fit::{self, Prepared};
 use crate::rig::Rig;
 use eha_monitor::channel::Channel;
+use eha_monitor::model::Drive;
 use eha_monitor::model::state::Outputs;
 
 /// Standard deviations of the residual tests: with four channels, a chance of 1e-4 of a false alarm.
 const RESIDUAL_LIMIT: f64 = 5.0;
+
+/// The place of the pressure difference among the measured channels.
+const PRESSURE: usize = 3;
 
 /// What a diagnosis works on.
 pub struct Case<'a> {
@@ -88,6 +92,12 @@ impl<'a> Case<'a> {
     /// Records that are fitted.
     pub fn train(&self) -> &'a [Prepared] {
         &self.records[..self.fitted]
+    }
+
+    /// Does no fitted record show a force on the ram, so that the friction can make up for what is missing?
+    pub(super) fn hides_friction(&self) -> bool {
+        let shows_pressure = |record: &Prepared| record.noise[PRESSURE].is_finite();
+        self.rig.form.drive == Drive::Valve && !self.train().iter().any(shows_pressure)
     }
 
     /// Records that are only predicted.

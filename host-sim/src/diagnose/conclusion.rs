@@ -12,7 +12,6 @@ use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
 use rayon::prelude::*;
-use std::iter;
 
 /// An empirical term is there to predict. One that the fitted records say nothing of is dropped; as long as the held-out
 /// records, or the fitted ones where none are held out, are predicted worse than without any, the weakest; and then each
@@ -85,7 +84,7 @@ pub(super) fn conclude(
         .zip(&open.stand_ins)
         .map(|(earned, others)| Found {
             effect: earned.effect,
-            class: iter::once(earned.effect).chain(others.iter().filter_map(Hypothesis::newest)).collect(),
+            class: class(earned.effect, others),
             evidence: earned.evidence,
             named: open.named,
             estimates: estimates
@@ -132,6 +131,17 @@ pub(super) fn conclude(
         records: case.records.to_vec(),
         jumps: None,
     }
+}
+
+/// An effect and those that could stand in for it, each once.
+fn class(effect: &'static EffectInfo, others: &[Hypothesis]) -> Vec<&'static EffectInfo> {
+    let mut class = vec![effect];
+    for other in others.iter().filter_map(Hypothesis::newest) {
+        if !class.iter().any(|known| known.name == other.name) {
+            class.push(other);
+        }
+    }
+    class
 }
 
 /// How much larger than white noise of the stated size what a model leaves counts: mean square times correlation time.

@@ -7,7 +7,7 @@ use super::place::Place;
 use super::residual;
 use super::search::BEAM;
 use super::weighing::Earned;
-use crate::fit::{self, FitSettings, TOLD_APART};
+use crate::fit::{self, BETTER_VALLEY, FitSettings, TOLD_APART};
 use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
@@ -242,8 +242,9 @@ impl Hypothesis {
     }
 
     /// The effects that could stand in for one that was added: with each in its place, the others kept, the records
-    /// are explained as well.
-    pub(super) fn stand_ins(&self, case: &Case<'_>, earned: &Earned) -> Vec<Self> {
+    /// are explained as well. Beside others, the faults may have to go far for that, and no slope leads there: what
+    /// explains the first moments is followed.
+    pub(super) fn stand_ins(&self, case: &Case<'_>, earned: &Earned, settings: &FitSettings) -> Vec<Self> {
         let (scale, is_explained) = (self.scale(), self.leaves_noise(case));
         let mine = |chi_square: f64, effect| chi_square / scale + self.price(effect, scale) + TOLD_APART;
         let limit = mine(self.train.misfit.chi_square, earned.effect);
@@ -253,9 +254,14 @@ impl Hypothesis {
         let wanted = without.train.misfit.chi_square - scale * limit;
         let mut others =
             without.fit_promising(case, wanted, std::slice::from_ref(&here.values), without.added.is_empty());
+        if is_explained && without.may_hide_others(case) {
+            others.extend(without.effects_followed(case, settings));
+        }
         let does_as_well = |other: &Candidate| {
-            other.effect.name != earned.effect.name
-                && other.fit.misfit.chi_square / scale + self.price(other.effect, scale) < limit
+            let chi_square = other.fit.misfit.chi_square;
+            let is_another = other.effect.name != earned.effect.name
+                || chi_square < self.train.misfit.chi_square - BETTER_VALLEY;
+            is_another && chi_square / scale + self.price(other.effect, scale) < limit
         };
         others.retain(does_as_well);
         let twins: Vec<Candidate> = iter::once((earned.effect, self.rig.clone()))
@@ -270,10 +276,32 @@ impl Hypothesis {
         let mut others = without.with(case, others);
         others.retain(|other| {
             let price = other.added.last().map_or(0.0, |effect| self.price(effect, scale));
-            other.joint.misfit.chi_square / scale + price < joint_limit
+            (!other.same_effects(self) || other.is_likelier(self))
+                && other.joint.misfit.chi_square / scale + price < joint_limit
                 && (!is_explained || other.leaves_noise(case))
         });
         others
+    }
+
+    /// May the faults be far off beside what this model still lacks? Without effects they were searched for; where laws are
+    /// not affine, no other search is made for the sake of a class: it takes minutes.
+    fn may_hide_others(&self, case: &Case<'_>) -> bool {
+        !self.added.is_empty() && case.hides_friction() && fit::is_affine(&self.rig, &self.ranges)
+    }
+
+    /// What explains the first moments beside the rest of this model in the place of one of its effects, where that leaves
+    /// noise.
+    pub(super) fn followed_without(
+        &self,
+        case: &Case<'_>,
+        effect: &EffectInfo,
+        settings: &FitSettings,
+    ) -> Vec<Self> {
+        let without = self.without(case, effect);
+        let mut found =
+            if without.may_hide_others(case) { without.followed(case, settings) } else { Vec::new() };
+        found.retain(|new| new.leaves_noise(case));
+        found
     }
 
     /// This model with the effect that cannot be told from another, in the place of that one in a rig.

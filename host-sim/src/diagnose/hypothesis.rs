@@ -203,6 +203,12 @@ impl Hypothesis {
         self.added.last().copied()
     }
 
+    /// The same with its effects in the other order.
+    pub(super) fn reversed(mut self) -> Self {
+        self.added.reverse();
+        self
+    }
+
     pub(super) fn same_effects(&self, other: &Self) -> bool {
         self.added.len() == other.added.len() && self.added.iter().all(|effect| other.has(effect))
     }
@@ -345,7 +351,7 @@ impl Hypothesis {
     }
 
     /// Is an effect part of the model?
-    fn has(&self, effect: &EffectInfo) -> bool {
+    pub(super) fn has(&self, effect: &EffectInfo) -> bool {
         self.added.iter().any(|added| added.name == effect.name)
     }
 

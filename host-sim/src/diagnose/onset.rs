@@ -7,8 +7,8 @@
 use super::Case;
 use super::candidate::{self, Candidate};
 use super::hypothesis::Hypothesis;
-use super::place;
-use crate::fit::{self, FitSettings, Prepared};
+use super::place::{self, Place};
+use crate::fit::{self, FitSettings, Polished, Prepared};
 use crate::interrupt;
 use crate::rig::Range;
 use eha_monitor::effect::{EFFECTS, EffectInfo};
@@ -19,6 +19,8 @@ use std::iter;
 /// The first moments, s, and the factor by which they grow.
 const FIRST_S: f64 = 0.1;
 const GROWTH: f64 = 1.15;
+/// By how many such factors at once they grow as long as that leaves noise.
+const STRIDE: usize = 4;
 /// How many of them, the first that ask for something and those after it, are searched before an effect is given up.
 const TRIES: usize = 2;
 /// Mean square, in units of the noise, of what an effect leaves of them from which on it does not explain them.
@@ -28,6 +30,11 @@ impl Hypothesis {
     /// The hypotheses with one more effect that explain the first moments of the fitted records which this one does not
     /// explain. What does not explain all later ones is then as good as it can be from where it last did.
     pub(super) fn followed(&self, case: &Case<'_>, settings: &FitSettings) -> Vec<Self> {
+        self.with(case, self.effects_followed(case, settings))
+    }
+
+    /// The effects of these.
+    pub(super) fn effects_followed(&self, case: &Case<'_>, settings: &FitSettings) -> Vec<Candidate> {
         let all = moments(case.train());
         let is_explained = |records: &Vec<Prepared>| {
             within_noise(&fit::fit(&self.rig, &self.ranges, records, settings, |_| {}).misfit)
@@ -37,11 +44,12 @@ impl Hypothesis {
         let applied: Vec<_> = EFFECTS.iter().filter(applied).collect();
         case.progress.expect(applied.len());
         let follow = |effect| case.told(self.follow(effect, &open, case.train(), settings));
-        let found = applied.into_par_iter().filter_map(follow).collect();
-        self.with(case, found)
+        applied.into_par_iter().filter_map(follow).collect()
     }
 
-    /// An effect fitted from moment to moment, and to the whole; none where it explains none of the first.
+    /// An effect fitted from moment to moment, and to the whole; none where it explains none of the first. It is searched
+    /// for together with the faults, the effects that are there already as they are, and then fitted with all that is
+    /// free.
     fn follow(
         &self,
         effect: &'static EffectInfo,
@@ -49,36 +57,62 @@ impl Hypothesis {
         whole: &[Prepared],
         settings: &FitSettings,
     ) -> Option<Candidate> {
-        let searched = |records: &Vec<Prepared>| {
-            let within = |span: Vec<Range>| {
-                let ranges = [&self.ranges[..], &span].concat();
-                let fit = fit::fit(&self.rig, &ranges, records, settings, |_| {}).polished();
-                Candidate { effect, ranges, fit }
-            };
-            let spans = place::spans_of_moments(effect, &self.rig, records).into_par_iter();
-            spans.filter(|_| !interrupt::requested()).map(within).min_by(candidate::lower)
-        };
-        let mut moments = moments.iter();
-        let explains = |found: &Candidate| within_noise(&found.fit.misfit);
-        let mut here = moments.by_ref().take(TRIES).filter_map(searched).find(explains)?;
         let fitted = |here: &Candidate, records: &[Prepared]| {
             let (ranges, fit) = candidate::fitted(&self.rig, here.ranges.clone(), &here.fit.values, records)?;
             Some(Candidate { effect, ranges, fit })
         };
-        for records in moments {
-            let next = fitted(&here, records)?;
-            if next.fit.misfit.mean_square() > BEYOND_NOISE || interrupt::requested() {
-                break;
-            }
-            here = next;
+        let declared = &self.ranges[..self.rig.declared().len()];
+        let kept = Place::of(&self.rig, &self.ranges).values.split_off(declared.len());
+        let searched = |records: &Vec<Prepared>| {
+            let settings = FitSettings { budget: searches_within(settings.budget, records), ..*settings };
+            let within = |span: Vec<Range>| {
+                let ranges = [declared, &span].concat();
+                let found = fit::fit(&self.rig, &ranges, records, &settings, |_| {}).polished();
+                let (faults, size) = found.values.split_at(declared.len());
+                let start = Candidate {
+                    effect,
+                    ranges: [&self.ranges[..], &span].concat(),
+                    fit: Polished { values: [faults, &kept, size].concat(), ..found },
+                };
+                fitted(&start, records)
+            };
+            let spans = place::spans_of_moments(effect, &self.rig, records).into_par_iter();
+            spans.filter(|_| !interrupt::requested()).filter_map(within).min_by(candidate::lower)
+        };
+        let explains = |found: &Candidate| within_noise(&found.fit.misfit);
+        let tried = moments.iter().take(TRIES).enumerate();
+        let mut found = tried.filter_map(|(moment, records)| Some((moment, searched(records)?)));
+        let (mut moment, mut here) = found.find(|(_, found)| explains(found))?;
+        while moment + 1 < moments.len() && !interrupt::requested() {
+            let at = |stride: usize| {
+                let next = (moment + stride).min(moments.len() - 1);
+                Some((next, fitted(&here, &moments[next])?))
+            };
+            let is_near = |found: &Candidate| found.fit.misfit.mean_square() <= BEYOND_NOISE;
+            let next = at(STRIDE)
+                .filter(|(_, found)| explains(found))
+                .or_else(|| at(1).filter(|(_, found)| is_near(found)));
+            let Some(next) = next else { break };
+            (moment, here) = next;
         }
         fitted(&here, whole)
     }
 }
 
+/// Most evaluations of a search in some moments: those of a budget in the first ones, fewer in longer ones, so that it takes
+/// no longer there.
+fn searches_within(budget: u32, moments: &[Prepared]) -> u32 {
+    (f64::from(budget) * (FIRST_S / longest(moments)).min(1.0)) as u32
+}
+
+/// How long the longest of some records is, s.
+fn longest(records: &[Prepared]) -> f64 {
+    records.iter().map(|record| record.len() as f64 * record.sample_period).fold(0.0, f64::max)
+}
+
 /// The beginnings of records, ever longer ones, the last of them shorter than the longest record.
 fn moments(records: &[Prepared]) -> impl Iterator<Item = Vec<Prepared>> {
-    let longest = records.iter().map(|record| record.len() as f64 * record.sample_period).fold(0.0, f64::max);
+    let longest = longest(records);
     let lengths = iter::successors(Some(FIRST_S), |&length| Some(length * GROWTH));
     lengths.take_while(move |&length| length < longest).map(|length| {
         records.iter().map(|record| record.begin((length / record.sample_period) as usize)).collect()

@@ -5,6 +5,7 @@ use super::hypothesis::{self, Hypothesis};
 use super::weighing::{self, Earned};
 use crate::fit::{FitSettings, TOLD_APART};
 use crate::interrupt;
+use eha_monitor::effect::EffectInfo;
 use rayon::prelude::*;
 use std::iter;
 use std::slice;
@@ -83,7 +84,7 @@ pub(super) fn search(
     let simple = tried.iter().filter(|known| known.added.len() <= 1).cloned().collect();
     case.progress.begin("testing what was found", [0.9, 0.95]);
     let mut sound = Sound::of(case, &mut tried);
-    sound.find_stand_ins(case);
+    sound.find_stand_ins(case, &tried, settings);
     for _ in 0..MOST_EFFECTS {
         let scale = sound.best.scale();
         let is_better = |other: &&Hypothesis| other.cost(scale) < sound.best.cost(scale) - TOLD_APART;
@@ -97,7 +98,7 @@ pub(super) fn search(
             break;
         }
         sound = next;
-        sound.find_stand_ins(case);
+        sound.find_stand_ins(case, &tried, settings);
     }
     Sound { simple, ..sound }
 }
@@ -181,11 +182,12 @@ impl Growth<'_> {
         self.case.rival.is_some_and(costs_more)
     }
 
-    /// Does something that was tried leave noise, is another explanation cheaper, or is the user in a hurry?
+    /// Does something that was tried leave noise, of effects that earn their place, is another explanation cheaper, or is
+    /// the user in a hurry?
     fn is_done(&self) -> bool {
-        interrupt::requested()
-            || self.is_beaten()
-            || self.tried.iter().any(|known| known.leaves_noise(self.case))
+        let Self { case, tried } = self;
+        let explains = |known: &Hypothesis| known.leaves_noise(case) && known.is_welcome(case, tried);
+        interrupt::requested() || self.is_beaten() || tried.iter().any(explains)
     }
 
     /// What is grown next: where nothing that was tried leaves noise, also what explains the first moments of the records
@@ -287,7 +289,8 @@ pub(super) struct Sound {
     /// All that was tried with one effect at most.
     pub(super) simple: Vec<Hypothesis>,
     pub(super) earned: Vec<Earned>,
-    /// For each of its effects, the hypotheses with another in its place that do as well, where effects are a name.
+    /// For each of its effects, the hypotheses with another in its place (their newest) that do as well, where effects are a
+    /// name.
     pub(super) stand_ins: Vec<Vec<Hypothesis>>,
 }
 
@@ -299,11 +302,41 @@ impl Sound {
         Self { root, best, asked, simple: Vec::new(), earned, stand_ins: Vec::new() }
     }
 
-    fn find_stand_ins(&mut self, case: &Case<'_>) {
+    fn find_stand_ins(&mut self, case: &Case<'_>, tried: &[Hypothesis], settings: &FitSettings) {
         let Self { root, best, earned, .. } = &*self;
         let named = best.is_name(case, &root.train.misfit);
-        let stand_ins = |earned| if named { best.stand_ins(case, earned) } else { Vec::new() };
+        let stand_ins = |earned| if named { best.stand_ins(case, earned, settings) } else { Vec::new() };
+        let explains = named && best.leaves_noise(case);
         self.stand_ins = earned.iter().map(stand_ins).collect();
+        if explains {
+            self.find_stand_ins_for_both(case, tried, settings);
+        }
+    }
+
+    /// Where two effects leave noise: looks for two others that do as well. The way there is a model that shares one effect
+    /// with them and leaves noise, though it may be less likely: what stands in for the shared one, stands in for one of the
+    /// two, and what the model has beside it for the other.
+    fn find_stand_ins_for_both(&mut self, case: &Case<'_>, tried: &[Hypothesis], settings: &FitSettings) {
+        let [first, second] = &self.earned[..] else { return };
+        let pair = [first.effect, second.effect];
+        let best = &self.best;
+        let is_way = |known: &&Hypothesis| {
+            known.added.len() == 2 && known.leaves_noise(case) && !known.same_effects(best)
+        };
+        let ways: Vec<&Hypothesis> =
+            tried.iter().chain(self.stand_ins.iter().flatten()).filter(is_way).collect();
+        let beyond = |shared: &'static EffectInfo| -> Vec<Hypothesis> {
+            let ways = ways.iter().filter(|way| way.has(shared));
+            let Some(way) = ways.min_by(|a, b| hypothesis::lower(a, b)) else { return Vec::new() };
+            let mut found = way.followed_without(case, shared, settings);
+            found.retain(|new| !pair.iter().any(|effect| new.has(effect)) && !best.is_likelier(new));
+            found
+        };
+        let found = pair.map(beyond);
+        for (shared, found) in found.into_iter().enumerate() {
+            self.stand_ins[1 - shared].extend(found.iter().cloned().map(Hypothesis::reversed));
+            self.stand_ins[shared].extend(found);
+        }
     }
 
     /// Are it and the models that it was weighed against the same as those of another one?

@@ -43,6 +43,7 @@ use crate::rig::Rig;
 use eha_monitor::fit::problem::Problem;
 use eha_monitor::integrate::Stepper;
 use eha_monitor::model::state::Outputs;
+pub use engine::is_affine;
 use engine::{FIT_TOLERANCE, Job, LOOK_TOLERANCE, on_records};
 
 /// Most parameters that one fit may free.
