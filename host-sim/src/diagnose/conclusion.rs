@@ -15,10 +15,12 @@ use rayon::prelude::*;
 
 /// An empirical term is there to predict. One that the fitted records say nothing of is dropped; as long as the held-out
 /// records, or the fitted ones where none are held out, are predicted worse than without any, the weakest; and then each
-/// without which they are predicted better.
+/// without which they are predicted better. Where none is left, the model is the one that had none: without the last one
+/// it may have ended elsewhere.
 pub(super) fn helpful(
     case: &Case<'_>,
     before: &Fit,
+    root: Hypothesis,
     mut model: Hypothesis,
     mut earned: Vec<Earned>,
 ) -> (Hypothesis, Vec<Earned>) {
@@ -43,7 +45,7 @@ pub(super) fn helpful(
         model = smaller;
         earned.remove(index);
     }
-    (model, earned)
+    (if earned.is_empty() { root } else { model }, earned)
 }
 
 /// What the records leave open.

@@ -260,7 +260,7 @@ impl Hypothesis {
         let does_as_well = |other: &Candidate| {
             let chi_square = other.fit.misfit.chi_square;
             let is_another = other.effect.name != earned.effect.name
-                || chi_square < self.train.misfit.chi_square - BETTER_VALLEY;
+                || is_explained && chi_square < self.train.misfit.chi_square - BETTER_VALLEY;
             is_another && chi_square / scale + self.price(other.effect, scale) < limit
         };
         others.retain(does_as_well);

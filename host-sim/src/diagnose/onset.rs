@@ -74,7 +74,8 @@ impl Hypothesis {
                     ranges: [&self.ranges[..], &span].concat(),
                     fit: Polished { values: [faults, &kept, size].concat(), ..found },
                 };
-                fitted(&start, records)
+                // With nothing kept, the search has been to the bottom already.
+                if kept.is_empty() { Some(start) } else { fitted(&start, records) }
             };
             let spans = place::spans_of_moments(effect, &self.rig, records).into_par_iter();
             spans.filter(|_| !interrupt::requested()).filter_map(within).min_by(candidate::lower)

@@ -202,7 +202,8 @@ fn diagnose_from(case: &Case<'_>, declared: Declared, settings: &FitSettings) ->
     let (whole, earned, stand_ins) = if named {
         (whole, sound.earned, sound.stand_ins)
     } else {
-        let (whole, earned) = helpful(case, &before, whole, sound.earned);
+        let root = if in_excerpts { sound.root.refitted(case) } else { sound.root.clone() };
+        let (whole, earned) = helpful(case, &before, root, whole, sound.earned);
         let none = vec![Vec::new(); earned.len()];
         (whole, earned, none)
     };
