@@ -20,7 +20,7 @@ use rayon::prelude::*;
 pub(super) fn helpful(
     case: &Case<'_>,
     before: &Fit,
-    root: Hypothesis,
+    root: impl FnOnce() -> Hypothesis,
     mut model: Hypothesis,
     mut earned: Vec<Earned>,
 ) -> (Hypothesis, Vec<Earned>) {
@@ -45,7 +45,7 @@ pub(super) fn helpful(
         model = smaller;
         earned.remove(index);
     }
-    (if earned.is_empty() { root } else { model }, earned)
+    (if earned.is_empty() { root() } else { model }, earned)
 }
 
 /// What the records leave open.

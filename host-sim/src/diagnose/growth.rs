@@ -254,8 +254,8 @@ impl Hypothesis {
         let wanted = without.train.misfit.chi_square - scale * limit;
         let mut others =
             without.fit_promising(case, wanted, std::slice::from_ref(&here.values), without.added.is_empty());
-        if is_explained && without.may_hide_others(case) {
-            others.extend(without.effects_followed(case, settings));
+        if is_explained {
+            others.extend(without.effects_made_up_for(case, settings));
         }
         let does_as_well = |other: &Candidate| {
             let chi_square = other.fit.misfit.chi_square;
@@ -275,18 +275,12 @@ impl Hypothesis {
         others.sort_by(candidate::lower);
         let mut others = without.with(case, others);
         others.retain(|other| {
-            let price = other.added.last().map_or(0.0, |effect| self.price(effect, scale));
+            let price = other.newest().map_or(0.0, |effect| self.price(effect, scale));
             (!other.same_effects(self) || other.is_likelier(self))
                 && other.joint.misfit.chi_square / scale + price < joint_limit
                 && (!is_explained || other.leaves_noise(case))
         });
         others
-    }
-
-    /// May the faults be far off beside what this model still lacks? Without effects they were searched for; where laws are
-    /// not affine, no other search is made for the sake of a class: it takes minutes.
-    fn may_hide_others(&self, case: &Case<'_>) -> bool {
-        !self.added.is_empty() && case.hides_friction() && fit::is_affine(&self.rig, &self.ranges)
     }
 
     /// What explains the first moments beside the rest of this model in the place of one of its effects, where that leaves
@@ -298,8 +292,7 @@ impl Hypothesis {
         settings: &FitSettings,
     ) -> Vec<Self> {
         let without = self.without(case, effect);
-        let mut found =
-            if without.may_hide_others(case) { without.followed(case, settings) } else { Vec::new() };
+        let mut found = without.with(case, without.effects_made_up_for(case, settings));
         found.retain(|new| new.leaves_noise(case));
         found
     }

@@ -147,9 +147,8 @@ impl Jumps {
             record.jumps().into_iter().map(|sample| Jump { sample, share: AT_FIRST }).collect()
         };
         let jumps: Vec<Vec<Jump>> = records.iter().map(of_one).collect();
-        let are_rare = |(jumps, record): (&Vec<Jump>, &Prepared)| {
-            jumps.len() as f64 * APART_S <= record.len() as f64 * record.sample_period
-        };
+        let are_rare =
+            |(jumps, record): (&Vec<Jump>, &Prepared)| jumps.len() as f64 * APART_S <= record.duration();
         let has_any = jumps.iter().any(|jumps| !jumps.is_empty());
         (has_any && iter::zip(&jumps, records).all(are_rare)).then_some(Self(jumps))
     }
@@ -181,7 +180,7 @@ impl Jumps {
         moved: impl Fn(&Hypothesis, &Case<'_>) -> Hypothesis + Sync,
     ) -> Timed {
         let answers = self.0[..case.fitted].iter().flatten().count() as f64 * ANSWER_S;
-        let flown: f64 = case.train().iter().map(|record| record.len() as f64 * record.sample_period).sum();
+        let flown: f64 = case.train().iter().map(Prepared::duration).sum();
         let left_out = if answers < MOST_LEFT_OUT * flown { ANSWER_S } else { 0.0 };
         let rest: Vec<Prepared> = case.records.iter().map(|record| record.without_jumps(left_out)).collect();
         let without_answers = fitted(&Case { records: &self.in_records(&rest), ..*case });

@@ -8,7 +8,7 @@ use super::Case;
 use super::candidate::{self, Candidate};
 use super::hypothesis::Hypothesis;
 use super::place::{self, Place};
-use crate::fit::{self, FitSettings, Polished, Prepared};
+use crate::fit::{self, FitSettings, Prepared};
 use crate::interrupt;
 use crate::rig::Range;
 use eha_monitor::effect::{EFFECTS, EffectInfo};
@@ -33,8 +33,8 @@ impl Hypothesis {
         self.with(case, self.effects_followed(case, settings))
     }
 
-    /// The effects of these.
-    pub(super) fn effects_followed(&self, case: &Case<'_>, settings: &FitSettings) -> Vec<Candidate> {
+    /// The effects of these; all that is free is fitted with each.
+    fn effects_followed(&self, case: &Case<'_>, settings: &FitSettings) -> Vec<Candidate> {
         let all = moments(case.train());
         let is_explained = |records: &Vec<Prepared>| {
             within_noise(&fit::fit(&self.rig, &self.ranges, records, settings, |_| {}).misfit)
@@ -47,6 +47,14 @@ impl Hypothesis {
         applied.into_par_iter().filter_map(follow).collect()
     }
 
+    /// The same for the sake of a class: none where the faults cannot be far off to make up for an effect. Without effects
+    /// they were searched for; where laws are not affine, this would take minutes.
+    pub(super) fn effects_made_up_for(&self, case: &Case<'_>, settings: &FitSettings) -> Vec<Candidate> {
+        let may_be_far =
+            !self.added.is_empty() && case.hides_friction() && fit::is_affine(&self.rig, &self.ranges);
+        if may_be_far { self.effects_followed(case, settings) } else { Vec::new() }
+    }
+
     /// An effect fitted from moment to moment, and to the whole; none where it explains none of the first. It is searched
     /// for together with the faults, the effects that are there already as they are, and then fitted with all that is
     /// free.
@@ -57,25 +65,22 @@ impl Hypothesis {
         whole: &[Prepared],
         settings: &FitSettings,
     ) -> Option<Candidate> {
-        let fitted = |here: &Candidate, records: &[Prepared]| {
-            let (ranges, fit) = candidate::fitted(&self.rig, here.ranges.clone(), &here.fit.values, records)?;
-            Some(Candidate { effect, ranges, fit })
-        };
         let declared = &self.ranges[..self.rig.declared().len()];
         let kept = Place::of(&self.rig, &self.ranges).values.split_off(declared.len());
         let searched = |records: &Vec<Prepared>| {
             let settings = FitSettings { budget: searches_within(settings.budget, records), ..*settings };
             let within = |span: Vec<Range>| {
                 let ranges = [declared, &span].concat();
-                let found = fit::fit(&self.rig, &ranges, records, &settings, |_| {}).polished();
-                let (faults, size) = found.values.split_at(declared.len());
-                let start = Candidate {
-                    effect,
-                    ranges: [&self.ranges[..], &span].concat(),
-                    fit: Polished { values: [faults, &kept, size].concat(), ..found },
-                };
-                // With nothing kept, the search has been to the bottom already.
-                if kept.is_empty() { Some(start) } else { fitted(&start, records) }
+                let fit = fit::fit(&self.rig, &ranges, records, &settings, |_| {}).polished();
+                if kept.is_empty() {
+                    // The search has been to the bottom already.
+                    return Some(Candidate { effect, ranges, fit });
+                }
+                let (faults, size) = fit.values.split_at(declared.len());
+                let all = [&self.ranges[..], &span].concat();
+                let start = [faults, &kept, size].concat();
+                let (ranges, fit) = candidate::fitted(&self.rig, all, &start, records)?;
+                Some(Candidate { effect, ranges, fit })
             };
             let spans = place::spans_of_moments(effect, &self.rig, records).into_par_iter();
             spans.filter(|_| !interrupt::requested()).filter_map(within).min_by(candidate::lower)
@@ -87,7 +92,7 @@ impl Hypothesis {
         while moment + 1 < moments.len() && !interrupt::requested() {
             let at = |stride: usize| {
                 let next = (moment + stride).min(moments.len() - 1);
-                Some((next, fitted(&here, &moments[next])?))
+                Some((next, here.clone().finished(&self.rig, &moments[next])?))
             };
             let is_near = |found: &Candidate| found.fit.misfit.mean_square() <= BEYOND_NOISE;
             let next = at(STRIDE)
@@ -96,7 +101,7 @@ impl Hypothesis {
             let Some(next) = next else { break };
             (moment, here) = next;
         }
-        fitted(&here, whole)
+        here.finished(&self.rig, whole)
     }
 }
 
@@ -108,7 +113,7 @@ fn searches_within(budget: u32, moments: &[Prepared]) -> u32 {
 
 /// How long the longest of some records is, s.
 fn longest(records: &[Prepared]) -> f64 {
-    records.iter().map(|record| record.len() as f64 * record.sample_period).fold(0.0, f64::max)
+    records.iter().map(Prepared::duration).fold(0.0, f64::max)
 }
 
 /// The beginnings of records, ever longer ones, the last of them shorter than the longest record.

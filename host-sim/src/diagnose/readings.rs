@@ -196,14 +196,14 @@ fn diagnose_from(case: &Case<'_>, declared: Declared, settings: &FitSettings) ->
     }
     case.progress.begin("looking for what is mixed up with a fault", [0.95, 1.0]);
     let confounded = sound.best.confounded(&searched);
-    let whole = if in_excerpts { sound.best.refitted(case) } else { sound.best.clone() };
+    let in_whole = |model: &Hypothesis| if in_excerpts { model.refitted(case) } else { model.clone() };
+    let whole = in_whole(&sound.best);
     let whole = if whole.leaves_noise(case) { whole.settled(case) } else { whole };
     let named = whole.is_name(case, &before.misfit);
     let (whole, earned, stand_ins) = if named {
         (whole, sound.earned, sound.stand_ins)
     } else {
-        let root = if in_excerpts { sound.root.refitted(case) } else { sound.root.clone() };
-        let (whole, earned) = helpful(case, &before, root, whole, sound.earned);
+        let (whole, earned) = helpful(case, &before, || in_whole(&sound.root), whole, sound.earned);
         let none = vec![Vec::new(); earned.len()];
         (whole, earned, none)
     };

@@ -125,8 +125,8 @@ impl Hypothesis {
         (held_out(self) - held_out(without)) / self.scale()
     }
 
-    /// Are the held-out records predicted otherwise than by another model, by more than a bar? If not, they
-    /// can neither speak for it nor against it.
+    /// Are the held-out records predicted otherwise than by another model, by more than a bar? If not, they can neither
+    /// speak for it nor against it.
     fn changes_the_held_out(&self, case: &Case<'_>, without: &Self, bar: &[f64; MEASURED]) -> bool {
         let [here, there] = [self, without].map(|model| &model.predictions[case.fitted..]);
         differ(case.holdout(), here, there, bar)

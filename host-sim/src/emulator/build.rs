@@ -6,13 +6,9 @@ use super::{
     log::{LogLine, RunLog},
 };
 use std::{
-    env,
-    fs::{self, TryLockError},
-    io,
+    env, fs,
     path::{Path, PathBuf},
     process::{Command, Output},
-    slice, thread,
-    time::Duration,
 };
 
 /// The Rust target of every supported part: Cortex-M4F and Cortex-M7, floats in registers.
@@ -106,31 +102,36 @@ pub struct BuildOptions {
 impl BuildOptions {
     /// Builds the release image, panic check included.
     ///
-    /// Several threads or processes may build different images at once: each takes a lane, and each image stays its own
-    /// file.
+    /// Several processes may build different images at once: they take turns, and each image stays its own file.
     ///
     /// # Errors
     ///
     /// Where the target is not installed, or the firmware does not compile or link.
     pub fn build(&self) -> Result<Firmware, EmulatorError> {
         require_target()?;
-        let images = target_directory().join("firmware");
-        let name = self.image_name();
-        let lane = Lane::free(&images, &name)?;
-        let output = run(&mut self.cargo(&lane.directory))?;
+        let directory = target_directory().join("firmware");
+        let file_error = |path: &Path| {
+            let path = path.to_owned();
+            move |source| EmulatorError::File { path, source }
+        };
+        fs::create_dir_all(&directory).map_err(file_error(&directory))?;
+        // Cargo puts every image under the same name: hold the lock until this one is a file of its own.
+        let lock_path = directory.join("images.lock");
+        let lock = fs::File::create(&lock_path).map_err(file_error(&lock_path))?;
+        lock.lock().map_err(file_error(&lock_path))?;
+
+        let output = run(&mut self.cargo(&directory))?;
         if !output.status.success() {
             return Err(EmulatorError::Build {
                 stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
             });
         }
-        // Cargo puts every image under the same name.
-        let built = lane.directory.join(TARGET).join("release").join(self.binary.name());
+        let built = directory.join(TARGET).join("release").join(self.binary.name());
+        let path = directory.join(self.image_name());
         let image = fs::read(&built).map_err(file_error(&built))?;
-        let (own, path) = (lane.directory.join(&name), images.join(&name));
-        fs::write(&own, &image).map_err(file_error(&own))?;
         // An image of this name may be running: rename, so that it keeps the file it has.
-        let fresh = own.with_extension("new");
-        fs::copy(&own, &fresh).map_err(file_error(&fresh))?;
+        let fresh = path.with_extension("new");
+        fs::write(&fresh, &image).map_err(file_error(&fresh))?;
         fs::rename(&fresh, &path).map_err(file_error(&path))?;
         Ok(Firmware { path, image })
     }
@@ -160,47 +161,6 @@ impl BuildOptions {
             .collect();
         format!("{}.elf", parts.join("-"))
     }
-}
-
-/// Directories in which images are built at the same time. The last step of a build, which is most of it, uses one core;
-/// each lane compiles the libraries anew.
-const LANES: usize = 2;
-/// How long who waits for a lane looks away.
-const LOOK_AGAIN: Duration = Duration::from_millis(20);
-
-/// A directory in which one image is built.
-struct Lane {
-    directory: PathBuf,
-    /// Held as long as this is.
-    _lock: fs::File,
-}
-
-impl Lane {
-    /// Waits for the one that has built an image before, or else for any, among those of a directory.
-    fn free(images: &Path, image: &str) -> Result<Self, EmulatorError> {
-        let all: Vec<PathBuf> = (0..LANES).map(|lane| images.join(format!("lane-{lane}"))).collect();
-        let known = all.iter().position(|lane| lane.join(image).exists());
-        let lanes = known.map_or(&all[..], |known| slice::from_ref(&all[known]));
-        loop {
-            for directory in lanes {
-                fs::create_dir_all(directory).map_err(file_error(directory))?;
-                let path = directory.join("image.lock");
-                let lock = fs::File::create(&path).map_err(file_error(&path))?;
-                match lock.try_lock() {
-                    Ok(()) => return Ok(Self { directory: directory.clone(), _lock: lock }),
-                    Err(TryLockError::WouldBlock) => {}
-                    Err(TryLockError::Error(source)) => return Err(file_error(&path)(source)),
-                }
-            }
-            thread::sleep(LOOK_AGAIN);
-        }
-    }
-}
-
-/// What went wrong with a file.
-fn file_error(path: &Path) -> impl FnOnce(io::Error) -> EmulatorError {
-    let path = path.to_owned();
-    move |source| EmulatorError::File { path, source }
 }
 
 /// A linked image of the firmware.

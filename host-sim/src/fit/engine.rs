@@ -31,17 +31,16 @@ const MORE: usize = BASE_ORDER + 1;
 const SOME_ORDER: usize = BASE_ORDER + 2;
 
 /// What an integrator must be able to do for every candidate of a problem.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Engine {
+struct Engine {
     /// Are all laws piecewise affine, so that steps are exact?
-    pub is_affine: bool,
+    is_affine: bool,
     /// States that move.
     order: usize,
 }
 
 impl Engine {
     /// What a problem needs.
-    pub fn of(problem: &Problem<'_, f64>) -> Self {
+    fn of(problem: &Problem<'_, f64>) -> Self {
         // A parameter that is free is not neutral inside its range.
         let inside = vec![0.618; problem.free.len()];
         let model = problem.model(&inside);
@@ -69,8 +68,8 @@ fn free_of(ranges: &[Range]) -> Vec<Free<f64>> {
     ranges.iter().take(MAX_FREE).map(free).collect()
 }
 
-/// Are all laws of a rig piecewise affine, whatever some parameters are inside their ranges? A fit takes a tenth of the time
-/// then.
+/// Are all laws of a rig piecewise affine, whatever some parameters are inside their ranges? A fit takes a tenth of the
+/// time then.
 pub fn is_affine(rig: &Rig, ranges: &[Range]) -> bool {
     let free = free_of(ranges);
     Engine::of(&Problem { form: rig.form, parameters: rig.parameters, free: &free, records: &[] }).is_affine

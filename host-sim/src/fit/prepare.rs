@@ -286,6 +286,11 @@ impl Prepared {
         self.command == other.command && self.arriving == other.arriving && self.ahead == other.ahead
     }
 
+    /// How long it is, s.
+    pub fn duration(&self) -> f64 {
+        self.len() as f64 * self.sample_period
+    }
+
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.command.len()

@@ -1,7 +1,7 @@
 //! The cost over two faults.
 
-use crate::fit::engine::{Engine, FIT_TOLERANCE, Job, on_records};
-use crate::fit::{Fit, Prepared};
+use crate::fit::engine::{FIT_TOLERANCE, Job, on_records};
+use crate::fit::{self, Fit, Prepared};
 use crate::rig::{Range, Rig};
 use eha_monitor::fit::problem::Problem;
 use eha_monitor::integrate::Stepper;
@@ -33,8 +33,7 @@ impl Surface {
     pub(super) fn over(ranges: [Range; 2], rig: &Rig, fit: &Fit, records: &[Prepared]) -> Option<Self> {
         let rig = fit.applied(rig);
         let samples: usize = records.iter().map(Prepared::len).sum();
-        let engine = on_records(&rig, &ranges, records, FIT_TOLERANCE, Which);
-        let most = if engine.is_affine { AFFINE_SAMPLES } else { CURVED_SAMPLES };
+        let most = if fit::is_affine(&rig, &ranges) { AFFINE_SAMPLES } else { CURVED_SAMPLES };
         let side = ((most as f64 / samples.max(1) as f64).sqrt() as usize).clamp(CELLS[0], CELLS[1]);
         if side * side * samples > TOO_LONG * most {
             return None;
@@ -58,17 +57,6 @@ impl Surface {
     pub(super) fn extent(&self) -> [f64; 2] {
         let finite = || self.chi_square.iter().flatten().copied().filter(|value| value.is_finite());
         [finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max)]
-    }
-}
-
-/// Which engine would run a problem.
-struct Which;
-
-impl Job for Which {
-    type Output = Engine;
-
-    fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, _: &mut [S]) -> Engine {
-        Engine::of(problem)
     }
 }
 
