@@ -10,7 +10,7 @@ use eha_monitor::simulate::Actuator;
 
 const PERIOD: f64 = 1e-3;
 /// Samples for which a command is held (0: joined by straight lines), and most steps in a second; a step of 1e-5 s would
-/// take 100 000. Measured: 1156 to 2097, 1174 to 8790, 1174 to 4352.
+/// take 100 000. Measured: 1156 to 2122, 1174 to 9271, 1174 to 4360.
 const MOST_STEPS: [(u32, u32); 3] = [(0, 3000), (1, 10_000), (20, 5000)];
 
 /// Steps and events of a second of a command that is held for a number of samples; 0: joined by straight lines.

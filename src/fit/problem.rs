@@ -200,13 +200,13 @@ impl<T: Real> Compared<'_, T> {
     /// that are missing.
     fn sums(&self, channel: usize, first: usize, predicted: &[T]) -> Sums<T> {
         let values = self.values[channel].get(first..).unwrap_or_default();
-        let mut sums = Sums { level: Offset::NONE, squares: T::ZERO };
-        for (&value, &predicted) in values.iter().zip(predicted) {
-            if value.finite() {
-                let residual = value - predicted;
-                sums.level.add(residual);
-                sums.squares += residual * residual;
-            }
+        if values.is_empty() {
+            return Sums::NONE;
+        }
+        // One that is missing shows in the sum, so that none has to be asked in the usual case.
+        let mut sums = Sums::of_whole(values, predicted);
+        if !sums.squares.finite() {
+            sums = Sums::of(values.iter().zip(predicted).filter(|(value, _)| value.finite()));
         }
         let weight = self.weights[channel];
         sums.level.sum *= weight;
@@ -230,6 +230,40 @@ struct Sums<T> {
     level: Offset<T>,
     /// Sum of squares.
     squares: T,
+}
+
+impl<T: Real> Sums<T> {
+    const NONE: Self = Self { level: Offset::NONE, squares: T::ZERO };
+
+    /// The sums over pairs of a measured value and a predicted one, before they are weighted.
+    fn of<'a>(pairs: impl Iterator<Item = (&'a T, &'a T)>) -> Self {
+        let mut sums = Self::NONE;
+        sums.add(pairs);
+        sums
+    }
+
+    /// The same of all values for which there is a prediction, four at a time: a loop of one pair would cost as much as
+    /// the pair.
+    fn of_whole(values: &[T], predicted: &[T]) -> Self {
+        let pairs = values.len().min(predicted.len());
+        let (values, last_values) = values.get(..pairs).unwrap_or_default().as_chunks::<4>();
+        let (predicted, last_predicted) = predicted.get(..pairs).unwrap_or_default().as_chunks::<4>();
+        let mut sums = Self::NONE;
+        for (values, predicted) in values.iter().zip(predicted) {
+            sums.add(values.iter().zip(predicted));
+        }
+        sums.add(last_values.iter().zip(last_predicted));
+        sums
+    }
+
+    #[inline(always)]
+    fn add<'a>(&mut self, pairs: impl Iterator<Item = (&'a T, &'a T)>) {
+        for (&value, &predicted) in pairs {
+            let residual = value - predicted;
+            self.level.add(residual);
+            self.squares += residual * residual;
+        }
+    }
 }
 
 /// Residual of a record's user position, summed: what an unknown offset can take away of chi-square, and what is to be

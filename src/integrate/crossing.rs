@@ -54,7 +54,8 @@ fn meet<T: Real, S: Stepper<T>>(
     let state = run.state.changed(&arc.after(left));
     let end = elapsed + unit * until;
     let guards = Guards::at(model, &run.mode, &state, &segment.at(end), segment.time + end);
-    let Some((index, guess)) = run.guards.first_crossing(&guards) else {
+    let crossing = run.guards.first_crossing(&guards, model.has_extra_guards());
+    let Some((index, guess)) = crossing else {
         run.state = state;
         run.guards = guards;
         run.ceiling = ceiling::<T, S>(0, arc.error);

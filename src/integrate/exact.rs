@@ -5,9 +5,9 @@
 //! around an event.
 
 use super::ladder::{self, Cache, Growth, Rung};
-use super::{LONGEST_PIECE, Run, Step, Stepper};
+use super::{LONGEST_PIECE, Run, Step, Stepper, rescaled};
 use crate::model::Model;
-use crate::model::corridor::{Corridor, ERROR, Passage, Passing, Watched};
+use crate::model::corridor::{Corridor, Detour, ERROR, Passing, Watched};
 use crate::model::state::{FLAPPER, Input, Mode, State};
 use crate::scalar::Real;
 
@@ -17,7 +17,7 @@ pub const PLAIN: usize = 3;
 pub const FINE: usize = 4;
 
 /// Most samples between two looks at the corridor. They cannot be parted.
-const LONGEST_STRIDE: u32 = 8;
+const LONGEST_STRIDE: u32 = 16;
 const _: () = assert!(LONGEST_STRIDE <= LONGEST_PIECE);
 
 /// The steps of one mode.
@@ -113,13 +113,16 @@ impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Stepper<T
     ) -> u32 {
         let (Some(corridor), Some(ladder)) = (&self.corridor, self.cache.ladder()) else { return 0 };
         let (Some(rung), Some(terms)) = (ladder.0.last(), self.cache.terms.last()) else { return 0 };
-        let mut stride = run.stride / Self::FINEST_PER_COARSEST;
-        if self.cache.units != Self::FINEST_PER_COARSEST || stride * Self::FINEST_PER_COARSEST != run.stride {
+        if self.cache.units != Self::FINEST_PER_COARSEST || run.entry < Self::TOP {
             return 0;
         }
+        let mut stride = run.stride / Self::FINEST_PER_COARSEST;
+        if stride * Self::FINEST_PER_COARSEST != run.stride {
+            stride = 1;
+            run.swing = rescaled(&run.swing, [run.stride, Self::FINEST_PER_COARSEST]);
+        }
         let layout = self.cache.layout;
-        let (mut state, mut swing, mut has_margin, mut wary) =
-            (run.state, run.swing, run.has_margin, run.wary);
+        let (mut state, mut swing, mut wary) = (run.state, run.swing, run.wary);
         let mut here = corridor.watched(&state, &Input { command, ..Input::default() });
         let mut passed = [Passing::default(); LONGEST_STRIDE as usize];
         let (mut done, mut steps) = (0, 0);
@@ -143,46 +146,40 @@ impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Stepper<T
             if count == 0 {
                 break;
             }
+            // Hidden, so that its bounds are not fetched ahead of the steps, to be kept on the stack.
+            let corridor = core::hint::black_box(corridor);
             if count < stride {
-                (swing, has_margin) = corridor.rescaled(&{ here }, &{ swing }, [stride, count]);
+                swing = rescaled(&{ swing }, [stride, count]);
                 stride = count;
             }
             let after = corridor.watched(&there, &Input { command: at, ..Input::default() });
             let change: Watched<T> = core::array::from_fn(|index| after[index] - here[index]);
-            let detour = corridor.detour(way, [error - here[ERROR], there.flapper - state.flapper]);
-            let is_clear = has_margin
-                && corridor.is_clear(&after, &change, &swing, &detour)
-                && corridor.allows(&here, &detour);
-            if !is_clear {
-                // Copies, so that these live in registers elsewhere.
-                let (from, to, before, after, detour) =
-                    ({ here }, { after }, { swing }, { change }, { detour });
-                match corridor.passage(&from, &to, &before, &detour, true) {
-                    Passage::Clear => has_margin = corridor.has_margin(&to, &after),
-                    _ if stride > 1 => {
-                        (swing, has_margin) = corridor.rescaled(&from, &before, [stride, 1]);
-                        (wary, stride) = (stride, 1);
-                        continue;
-                    }
-                    passage => {
-                        if passage == Passage::Left {
-                            run.entry = Self::TOP.saturating_sub(1);
-                        }
-                        // It counts where it is taken in parts.
-                        (steps, wary) = (steps - count, 0);
-                        break;
-                    }
+            let detour = if count > 1 {
+                corridor.detour(way, [error - here[ERROR], there.flapper - state.flapper])
+            } else {
+                Detour::default()
+            };
+            // Copies, so that these live in registers elsewhere.
+            let (from, to, before) = ({ here }, { after }, { swing });
+            if !corridor.keeps(&from, &to, &before, &{ detour }) {
+                if stride > 1 {
+                    swing = rescaled(&before, [stride, 1]);
+                    (wary, stride) = (stride, 1);
+                    continue;
                 }
+                run.entry = Self::TOP.saturating_sub(1);
+                // It counts where it is taken in parts.
+                (steps, wary) = (steps - count, 0);
+                break;
             }
             (command, state, here, swing) = (at, there, after, change);
             (done, wary) = (done + count, wary.saturating_sub(count));
             passed.iter().take(count as usize).for_each(&mut see);
-            if wary == 0 && stride < LONGEST_STRIDE && has_margin && corridor.has_room(&{ here }, &{ swing })
-            {
+            if wary == 0 && stride < LONGEST_STRIDE && corridor.has_room(&{ here }, &{ swing }) {
                 (swing, stride) = (swing.map(|change| change + change), stride + stride);
             }
         }
-        (run.swing, run.has_margin, run.wary) = (swing, has_margin, wary);
+        (run.swing, run.wary) = (swing, wary);
         run.stride = stride * Self::FINEST_PER_COARSEST;
         if done > 0 {
             run.state.take_base(&state);

@@ -88,10 +88,12 @@ impl<T: Real> Guards<T> {
     }
 
     /// The guard that is crossed first, and the fraction of the step at which it is, by linear interpolation.
-    pub(super) fn first_crossing(&self, after: &Self) -> Option<(usize, T)> {
+    pub(super) fn first_crossing(&self, after: &Self, has_extra: bool) -> Option<(usize, T)> {
         let mut first = None;
         Self::look_for_crossing(&mut first, 0, &self.plain, &after.plain);
-        Self::look_for_crossing(&mut first, LOOP_GUARDS, &self.extra, &after.extra);
+        if has_extra {
+            Self::look_for_crossing(&mut first, LOOP_GUARDS, &self.extra, &after.extra);
+        }
         first
     }
 

@@ -41,8 +41,6 @@ pub struct Run<T> {
     /// What each watched quantity changed by on the way here, for a step of `stride` finest ones; zero after an event.
     swing: Watched<T>,
     stride: u32,
-    /// Has the place the margins that such a swing asks for?
-    has_margin: bool,
     /// Samples that are to be looked at one by one, because a look at all of them was not enough.
     wary: u32,
     /// Finest steps since the last event.
@@ -68,7 +66,6 @@ impl<T: Real> Run<T> {
         has_guards: false,
         swing: [T::ZERO; WATCHED],
         stride: 0,
-        has_margin: false,
         wary: 0,
         entry: 0,
         calm: 0,
@@ -88,7 +85,6 @@ impl<T: Real> Run<T> {
             has_guards: true,
             swing: [T::ZERO; WATCHED],
             stride: 1,
-            has_margin: false,
             wary: 0,
             entry: usize::MAX,
             calm: u32::MAX,
@@ -98,13 +94,6 @@ impl<T: Real> Run<T> {
         };
         run.guards = Guards::at(model, &run.mode, &run.state, input, T::ZERO);
         run
-    }
-
-    /// Turns to steps of another length.
-    #[inline(never)]
-    fn change_stride(&mut self, size: u32, corridor: &Corridor<T>, watched: &Watched<T>) {
-        (self.swing, self.has_margin) = corridor.rescaled(watched, &self.swing, [self.stride, size]);
-        self.stride = size;
     }
 
     /// Makes up for the guards of steps that kept to a corridor.
@@ -130,7 +119,7 @@ impl<T: Real> Run<T> {
     /// What the motion was like on the way here is not what it will be like.
     fn forget_motion(&mut self) {
         self.fall = Guards::NONE;
-        (self.swing, self.has_margin) = ([T::ZERO; WATCHED], false);
+        self.swing = [T::ZERO; WATCHED];
     }
 
     /// The command jumps at a sample: what that violates changes the mode on the spot. The stepper has entered the mode.
@@ -152,7 +141,7 @@ impl<T: Real> Run<T> {
             let jump = (to.command - from.command).magnitude() * T::literal(8.0);
             let change = core::array::from_fn(|index| swing[index].magnitude() + answer[index] * jump);
             if corridor.has_margin(&corridor.watched(&self.state, to), &change) {
-                (self.has_guards, self.has_margin) = (false, true);
+                self.has_guards = false;
                 return;
             }
         }
@@ -166,7 +155,8 @@ impl<T: Real> Run<T> {
         let at = |run: &Self, input: &Input<T>| Guards::at(model, &run.mode, &run.state, input, time);
         self.guards = at(self, to);
         for _ in 0..EVENTS_PER_STEP {
-            let Some((index, _)) = at(self, from).first_crossing(&self.guards) else { break };
+            let crossing = at(self, from).first_crossing(&self.guards, model.has_extra_guards());
+            let Some((index, _)) = crossing else { break };
             model.switch(index, &mut self.mode, &mut self.state, to);
             self.events += 1;
             self.guards = at(self, to);
@@ -182,6 +172,13 @@ impl<T: Real> Run<T> {
     pub fn at_rest(model: &Model<T>, ram: T, input: &Input<T>) -> Self {
         Self::starting(model, model.at_rest(ram), model.mode_at_rest(), input)
     }
+}
+
+/// What a swing over steps of a length is over steps of another.
+#[inline(never)]
+fn rescaled<T: Real>(swing: &Watched<T>, [from, to]: [u32; 2]) -> Watched<T> {
+    let ratio = T::from_count(to) / T::from_count(from);
+    swing.map(|value| value * ratio)
 }
 
 /// A state at the end of a step.
@@ -397,7 +394,7 @@ fn meet_rate<T: Real, S: Stepper<T>>(
 ) {
     let here = |run: &Run<T>| Guards::at(model, &run.mode, &run.state, &segment.start, segment.time);
     let guards = here(run);
-    if let Some((index, _)) = run.guards.first_crossing(&guards) {
+    if let Some((index, _)) = run.guards.first_crossing(&guards, model.has_extra_guards()) {
         model.switch(index, &mut run.mode, &mut run.state, &segment.start);
         run.mode_number = run.mode.number();
         run.events += 1;
@@ -485,33 +482,29 @@ fn attempt<T: Real, S: Stepper<T>>(
     if let Some(corridor) = stepper.corridor() {
         let before = corridor.watched(&run.state, &input);
         let after = corridor.watched(&state, &segment.at(end));
-        if size != run.stride {
-            run.change_stride(size, corridor, &before);
-        }
         let change: Watched<T> = core::array::from_fn(|index| after[index] - before[index]);
-        let straight = Detour::default();
-        let is_clear = run.has_margin && corridor.is_clear(&after, &change, &run.swing, &straight);
-        let passage = if is_clear {
-            Passage::Clear
-        } else {
-            corridor.passage(&before, &after, &run.swing, &straight, level > 0)
-        };
-        match passage {
-            Passage::Clear => {
-                run.state.take_base(&state);
-                run.has_guards = false;
-            }
-            Passage::Close if inspect(run, Some(corridor)) => {}
-            Passage::Close => return false,
-            Passage::Left => {
-                if level == 0 {
-                    run.catch_up(model, None, segment, begin);
-                }
+        let is_clear = if level > 0 {
+            let swing = rescaled(&run.swing, [run.stride, size]);
+            if !corridor.keeps(&before, &after, &swing, &Detour::default()) {
                 return false;
             }
+            true
+        } else {
+            match corridor.passage(&before, &after) {
+                Passage::Clear => true,
+                Passage::Close if inspect(run, Some(corridor)) => false,
+                Passage::Close => return false,
+                Passage::Left => {
+                    run.catch_up(model, None, segment, begin);
+                    return false;
+                }
+            }
+        };
+        if is_clear {
+            run.state.take_base(&state);
+            run.has_guards = false;
         }
-        run.has_margin = is_clear || corridor.has_margin(&after, &change);
-        run.swing = change;
+        (run.swing, run.stride) = (change, size);
     } else if !inspect(run, None) {
         return false;
     }

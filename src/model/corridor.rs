@@ -61,8 +61,8 @@ pub struct Corridor<T> {
     pressure: Line<T>,
 }
 
-/// How a step went from one place to the next, the least first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+/// How a step that cannot be divided went from one place to the next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Passage {
     /// Between the bounds.
     Clear,
@@ -99,42 +99,14 @@ impl<T: Real> Corridor<T> {
         self.by_spool * z.spool + self.by_velocity * z.ram_velocity
     }
 
-    /// Does nothing leave its bounds on the way from one place to the next? At a glance, the usual case.
-    ///
-    /// What turns back between the two may have been further out than both. A parabola through three equally spaced
-    /// points dips by an eighth of its fall over the first two; twice that is looked out for: with `swing`, the change
-    /// over a step of the same length before, and with `change` on behalf of the step that follows.
-    #[inline(always)]
-    pub fn is_clear(
-        &self,
-        to: &Watched<T>,
-        change: &Watched<T>,
-        swing: &Watched<T>,
-        detour: &Detour<T>,
-    ) -> bool {
-        let margins = core::array::from_fn(|index| {
-            let margin = (change[index].magnitude() + swing[index].magnitude()) * T::literal(0.25);
-            if index < detour.len() { margin + detour[index] } else { margin }
-        });
-        self.holds(to, &margins)
-    }
-
-    /// The detour of a way, from the sums of what position error and flapper position (m) moved by in its steps, and from
-    /// what they moved by in all.
+    /// The detour of a way of several steps, from the sums of what position error and flapper position (m) moved by in
+    /// them, and from what they moved by in all. The flapper may turn back inside a step as well: a quarter more.
     #[inline(always)]
     pub fn detour(&self, way: [T; 2], change: [T; 2]) -> Detour<T> {
         let [error, position] = core::array::from_fn(|index| way[index] - change[index].magnitude());
         let [by_position, by_error, _] = self.flapper;
+        let position = position + way[1] * T::literal(0.25);
         [error, by_position * position + by_error.magnitude() * error]
-    }
-
-    /// Is there room for a detour at the place where it began? [`is_clear`](Self::is_clear) looks at where it ended.
-    #[inline(always)]
-    pub fn allows(&self, from: &Watched<T>, detour: &Detour<T>) -> bool {
-        (0..detour.len()).all(|index| {
-            from[index] - detour[index] >= self.lower[index]
-                && from[index] + detour[index] <= self.upper[index]
-        })
     }
 
     /// Has a place the margins that a step after a change asks for?
@@ -150,49 +122,61 @@ impl<T: Real> Corridor<T> {
         self.has_margin(place, &change.map(|value| value * T::literal(12.0)))
     }
 
-    /// A swing over steps of a size as one over steps of another, and whether a place has the margins that it asks for.
+    /// Does nothing leave its bounds on the way from one place to the next? Asked of a step that can be divided.
+    ///
+    /// What turns back between the two may have been further out than both. A parabola through three equally spaced
+    /// points dips by an eighth of its fall over the first two; twice that is looked out for, with `swing`, the change over
+    /// a step of the same length before. What moves away from its bound needs no margin.
     #[inline(never)]
-    pub fn rescaled(
-        &self,
-        place: &Watched<T>,
-        swing: &Watched<T>,
-        [from, to]: [u32; 2],
-    ) -> (Watched<T>, bool) {
-        let ratio = T::from_count(to) / T::from_count(from);
-        let swing = swing.map(|value| value * ratio);
-        (swing, self.has_margin(place, &swing))
+    pub fn keeps(&self, from: &Watched<T>, to: &Watched<T>, swing: &Watched<T>, detour: &Detour<T>) -> bool {
+        let keeps = |index: usize, detour: T, slack: T| {
+            let (from, to, quarter) = (from[index], to[index], swing[index] * T::literal(0.25));
+            let (lower, upper) = (self.lower[index] - slack, self.upper[index] + slack);
+            // What went to and fro on the way may have turned back anywhere on it.
+            let [dip, bulge] = if detour > T::ZERO {
+                [quarter.smaller(T::ZERO) - detour, quarter.larger(T::ZERO) + detour]
+            } else {
+                [quarter; 2]
+            };
+            to >= lower && to <= upper && from.smaller(to) + dip >= lower && from.larger(to) + bulge <= upper
+        };
+        let [error, flapper] = *detour;
+        keeps(ERROR, error, T::ZERO)
+            && keeps(FLAPPER, flapper, self.slack)
+            && keeps(SPOOL, T::ZERO, T::ZERO)
+            && keeps(RAM, T::ZERO, T::ZERO)
+            && keeps(RAM_VELOCITY, T::ZERO, T::ZERO)
+            && keeps(PRESSURE, T::ZERO, T::ZERO)
     }
 
-    /// Is a step clear, as [`is_clear`](Self::is_clear) asks, when looked at closely? What moves away from its bound
-    /// needs no margin, nor does a step that cannot be divided.
+    /// How a step that cannot be divided went from one place to the next.
+    #[inline(always)]
+    pub fn passage(&self, from: &Watched<T>, to: &Watched<T>) -> Passage {
+        let is_within = (0..WATCHED).all(|index| {
+            let slack = self.slack_of(index);
+            to[index] + slack >= self.lower[index] && to[index] - slack <= self.upper[index]
+        });
+        if is_within { Passage::Clear } else { self.way_out(from, to) }
+    }
+
+    /// How clearly a step that ends out of bounds went through one of them.
     #[inline(never)]
-    pub fn passage(
-        &self,
-        from: &Watched<T>,
-        to: &Watched<T>,
-        swing: &Watched<T>,
-        detour: &Detour<T>,
-        divisible: bool,
-    ) -> Passage {
-        let quarter = T::literal(0.25);
-        let mut passage = Passage::Clear;
-        let mut look = |before: T, after: T, dip: T, slack: T| {
-            let has_dipped = divisible && before.smaller(after) + slack < dip;
-            if after + slack >= T::ZERO && !has_dipped {
-                return;
-            }
-            let has_left = before >= T::ZERO && after < -slack.larger((before - after) * quarter);
-            passage = passage.max(if has_left { Passage::Left } else { Passage::Close });
+    fn way_out(&self, from: &Watched<T>, to: &Watched<T>) -> Passage {
+        let has_left = |before: T, after: T, slack: T| {
+            before >= T::ZERO && after < -slack.larger((before - after) * T::literal(0.25))
         };
-        for index in 0..WATCHED {
-            let (from, to, swing) = (from[index], to[index], swing[index]);
-            let (lower, upper) = (self.lower[index], self.upper[index]);
-            let detour = detour.get(index).copied().unwrap_or(T::ZERO);
-            let slack = if index == FLAPPER { self.slack } else { T::ZERO };
-            look(from - lower, to - lower, detour - swing * quarter, slack);
-            look(upper - from, upper - to, detour + swing * quarter, slack);
-        }
-        passage
+        let has_left = (0..WATCHED).any(|index| {
+            let (lower, upper, slack) = (self.lower[index], self.upper[index], self.slack_of(index));
+            has_left(from[index] - lower, to[index] - lower, slack)
+                || has_left(upper - from[index], upper - to[index], slack)
+        });
+        if has_left { Passage::Left } else { Passage::Close }
+    }
+
+    /// By how much what is watched may be out of bounds by rounding.
+    #[inline(always)]
+    fn slack_of(&self, index: usize) -> T {
+        if index == FLAPPER { self.slack } else { T::ZERO }
     }
 
     /// A state and an input of which `watched` is by so much less.

@@ -192,6 +192,10 @@ impl<T: Real> Model<T> {
 
     #[inline(never)]
     fn pressure_guard(&self, mode: &Mode, z: &State<T>) -> T {
+        if self.is_plain {
+            let pressure = self.fluid.linear_pressure(z.spool, z.ram_velocity);
+            return limit_guard(mode.pressure, pressure, self.fluid.supply, self.scales.supply);
+        }
         let opening = self.spool.opening(z.spool, side(mode.overlap), T::ONE);
         let fluid = self.fluid_now(z);
         if self.fluid.is_compressible() {

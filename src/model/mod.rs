@@ -408,9 +408,7 @@ impl<T: Real> Model<T> {
         if self.form.drive == Drive::Force {
             return rate;
         }
-        let seen_velocity = self.fed_back_rate(mode, z.ram_velocity, z.base_velocity);
-        let demand = self.controller.demand(input, self.fed_back(z), seen_velocity, z.integral);
-        let current = self.controller.current(mode.current, demand, one);
+        let current = self.controller.current(mode.current, self.demand(mode, z, input), one);
         let motor_current = self.motor_current(mode, z, current, one);
         let motor_force = self.pilot.torque_motor_force(motor_current, one);
         let sensed = self.sensed_spool(mode, z, one);
@@ -420,6 +418,9 @@ impl<T: Real> Model<T> {
             rate.flapper = z.flapper_velocity;
             let force = self.pilot.static_force(motor_force, sensed, z.flapper);
             rate.flapper_velocity = self.pilot.acceleration(force, z.flapper_velocity);
+        }
+        if self.is_plain {
+            return rate;
         }
         if mode.integral == 0 {
             rate.integral = input.command - self.fed_back(z);
