@@ -1,4 +1,4 @@
-//! Ctrl-C: the signal itself, sent to a search that would go on for long.
+//! Ctrl-C, and what `timeout` sends: the signal itself, sent to a search that would go on for long.
 
 use super::harness::{Bench, named, number};
 use serde_json::Value;
@@ -18,8 +18,8 @@ fn start(bench: &Bench, arguments: &[&str]) -> Child {
         .expect("the program starts")
 }
 
-fn interrupt(child: &Child) {
-    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
+fn interrupt(child: &Child, signal: &str) {
+    let sent = Command::new("kill").args([signal, &child.id().to_string()]).status().expect("kill runs");
     assert!(sent.success(), "the program was still running");
 }
 
@@ -43,7 +43,7 @@ fn a_calibration_writes_what_it_has_found_but_no_rig() {
     let options = ["--rig", "slow.toml", "--bounds", "fdj=200..4000", "--json", "--out", "found"];
     let mut child = start(&bench, &[&["calibrate"][..], &["long.csv"; 10], &options].concat());
     std::thread::sleep(Duration::from_millis(1500));
-    interrupt(&child);
+    interrupt(&child, "-INT");
     let mut log = child.stderr.take().expect("a pipe");
     let result = result(child);
     assert_eq!(result["stop"], "interrupted", "{result}");
@@ -66,7 +66,7 @@ fn an_identification_gives_what_it_has_found() {
     let options = ["--rig", "slow.toml", "--json", "--out", "found"];
     let child = start(&bench, &[&["identify"][..], &["long.csv"; 10], &options].concat());
     std::thread::sleep(Duration::from_millis(1500));
-    interrupt(&child);
+    interrupt(&child, "-INT");
     let result = result(child);
     assert_eq!(result["stop"], "interrupted", "{result}");
     assert!(result["warnings"].to_string().contains("interrupted"), "{result}");
@@ -86,7 +86,7 @@ fn a_diagnosis_rules_nothing_out_that_it_has_not_tried() {
         line.clear();
         assert!(log.read_line(&mut line).expect("a line") > 0, "the records are written first");
     }
-    interrupt(&child);
+    interrupt(&child, "-TERM");
     std::thread::spawn(move || std::io::copy(&mut log, &mut std::io::sink()));
     let result = result(child);
     assert!(result["warnings"].to_string().contains("not ruled out"), "{result}");
@@ -100,7 +100,7 @@ fn the_cases_of_a_loop_that_was_not_closed_claim_nothing_of_it() {
     let bench = Bench::new();
     let child = start(&bench, &["reproduce", "--json", "--out", "cases"]);
     std::thread::sleep(Duration::from_millis(300));
-    interrupt(&child);
+    interrupt(&child, "-INT");
     let result = result(child);
     assert_eq!(result["interrupted"], true, "{result}");
     assert!(result["warnings"].to_string().contains("interrupted: 0 of 12 cases"), "{result}");
