@@ -3,7 +3,8 @@
 //! In a mode of the plain loop (a two-stage valve that meters linearly, the ram fed back in proportion, nothing outside
 //! but a constant load) every guard of [`Model::loop_guards`] bounds one of six quantities. A mode sets the bounds when
 //! it begins; a step then costs a comparison for each instead of the guards themselves. What is between the bounds
-//! violates no guard; what is not need not violate one: the guards themselves decide.
+//! violates no guard; what is not need not violate one: a step that ends there is divided, and of one that cannot be the
+//! guards themselves decide.
 
 use super::events::SPOOL_FORCE_TOLERANCE;
 use super::state::{Input, Mode, State, side};
