@@ -206,7 +206,8 @@ impl<T: Real> Compared<'_, T> {
         // One that is missing shows in the sum, so that none has to be asked in the usual case.
         let mut sums = Sums::of_whole(values, predicted);
         if !sums.squares.finite() {
-            sums = Sums::of(values.iter().zip(predicted).filter(|(value, _)| value.finite()));
+            sums = Sums::NONE;
+            sums.add(values.iter().zip(predicted).filter(|(value, _)| value.finite()));
         }
         let weight = self.weights[channel];
         sums.level.sum *= weight;
@@ -235,15 +236,8 @@ struct Sums<T> {
 impl<T: Real> Sums<T> {
     const NONE: Self = Self { level: Offset::NONE, squares: T::ZERO };
 
-    /// The sums over pairs of a measured value and a predicted one, before they are weighted.
-    fn of<'a>(pairs: impl Iterator<Item = (&'a T, &'a T)>) -> Self {
-        let mut sums = Self::NONE;
-        sums.add(pairs);
-        sums
-    }
-
-    /// The same of all values for which there is a prediction, four at a time: a loop of one pair would cost as much as
-    /// the pair.
+    /// The sums over all values for which there is a prediction, before they are weighted; four at a time: a loop of one
+    /// pair would cost as much as the pair.
     fn of_whole(values: &[T], predicted: &[T]) -> Self {
         let pairs = values.len().min(predicted.len());
         let (values, last_values) = values.get(..pairs).unwrap_or_default().as_chunks::<4>();
@@ -256,6 +250,7 @@ impl<T: Real> Sums<T> {
         sums
     }
 
+    /// Adds pairs of a measured value and a predicted one.
     #[inline(always)]
     fn add<'a>(&mut self, pairs: impl Iterator<Item = (&'a T, &'a T)>) {
         for (&value, &predicted) in pairs {

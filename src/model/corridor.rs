@@ -130,8 +130,9 @@ impl<T: Real> Corridor<T> {
     /// a step of the same length before. What moves away from its bound needs no margin.
     #[inline(never)]
     pub fn keeps(&self, from: &Watched<T>, to: &Watched<T>, swing: &Watched<T>, detour: &Detour<T>) -> bool {
-        let keeps = |index: usize, detour: T, slack: T| {
+        let keeps = |index: usize, detour: T| {
             let (from, to, quarter) = (from[index], to[index], swing[index] * T::literal(0.25));
+            let slack = self.slack_of(index);
             let (lower, upper) = (self.lower[index] - slack, self.upper[index] + slack);
             // What went to and fro on the way may have turned back anywhere on it.
             let [dip, bulge] = if detour > T::ZERO {
@@ -142,12 +143,12 @@ impl<T: Real> Corridor<T> {
             to >= lower && to <= upper && from.smaller(to) + dip >= lower && from.larger(to) + bulge <= upper
         };
         let [error, flapper] = *detour;
-        keeps(ERROR, error, T::ZERO)
-            && keeps(FLAPPER, flapper, self.slack)
-            && keeps(SPOOL, T::ZERO, T::ZERO)
-            && keeps(RAM, T::ZERO, T::ZERO)
-            && keeps(RAM_VELOCITY, T::ZERO, T::ZERO)
-            && keeps(PRESSURE, T::ZERO, T::ZERO)
+        keeps(ERROR, error)
+            && keeps(FLAPPER, flapper)
+            && keeps(SPOOL, T::ZERO)
+            && keeps(RAM, T::ZERO)
+            && keeps(RAM_VELOCITY, T::ZERO)
+            && keeps(PRESSURE, T::ZERO)
     }
 
     /// How a step that cannot be divided went from one place to the next.
