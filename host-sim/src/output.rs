@@ -65,17 +65,28 @@ pub fn table<Header: AsRef<[Name]>, Name: ToString>(header: Header) -> Table {
     table
 }
 
+/// What a bar tells of time.
+#[derive(Clone, Copy)]
+pub enum Time {
+    /// How much is left, of steps that take about as long as each other.
+    Left,
+    /// How much has gone by, where nobody knows what will have to be done.
+    Gone,
+}
+
 /// A bar that counts steps; drawn on a terminal only.
-pub fn bar(common: &Common, length: u64, what: &str) -> ProgressBar {
+pub fn bar(common: &Common, length: u64, what: &str, time: Time) -> ProgressBar {
     let target = if common.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
     let bar = ProgressBar::with_draw_target(Some(length), target);
-    let style = ProgressStyle::with_template("{prefix} {bar:16} {pos}/{len}{left} {wide_msg}");
+    let style = ProgressStyle::with_template("{prefix} {bar:16} {pos}/{len}{time} {wide_msg}");
     let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
-    // Before the first step nobody knows.
-    bar.set_style(style.with_key("left", |state: &ProgressState, text: &mut dyn std::fmt::Write| {
-        if state.pos() > 0 {
-            let _ = write!(text, ", {} left:", HumanDuration(state.eta()));
-        }
+    // Before the first step nobody knows what is left.
+    bar.set_style(style.with_key("time", move |state: &ProgressState, text: &mut dyn std::fmt::Write| {
+        let _ = match time {
+            Time::Left if state.pos() == 0 => Ok(()),
+            Time::Left => write!(text, ", {} left:", HumanDuration(state.eta())),
+            Time::Gone => write!(text, " after {}:", HumanDuration(state.elapsed())),
+        };
     }));
     bar.set_prefix(what.to_owned());
     bar

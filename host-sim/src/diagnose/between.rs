@@ -4,8 +4,8 @@ use super::case::Case;
 use super::diagnosis::Diagnosis;
 use super::hypothesis::{self, Hypothesis};
 use super::jumps::{Jumps, Timed};
-use super::readings::{Answer, Declared, diagnose_in_noise};
-use super::search::GROWING_SHARE;
+use super::readings::{Answer, Declared, diagnose_in_noise, sketched};
+use super::search::{GROWING_SHARE, Rival};
 use crate::fit::{self, Estimate, FitSettings, Reading, TOLD_APART};
 use crate::interrupt;
 use crate::rig::CommandPath;
@@ -54,12 +54,11 @@ impl Jumping {
         Some(Self { reading, jumps, alone })
     }
 
-    /// What the declared faults alone cost in it, in place of effects in another reading: none where they leave more than
-    /// noise.
-    pub(super) fn rival(&self, case: &Case<'_>) -> Option<f64> {
+    /// What the declared faults alone cost in it, in place of effects in another reading.
+    pub(super) fn rival(&self) -> Option<Rival> {
         let Timed { model, .. } = &self.alone;
-        let leaves_noise = model.leaves_noise(&self.alone.case(case));
-        leaves_noise.then(|| Some(model.cost(1.0) + self.alone.price()?)).flatten()
+        let scale = model.scale();
+        Some(Rival { scale, cost: model.cost(scale) + self.alone.price()? })
     }
 
     /// Diagnoses the case in it, if that explains more than the model that was found without it.
@@ -80,8 +79,11 @@ impl Jumping {
             let in_it = if is_in_it { Cow::Borrowed(model) } else { Cow::Owned(model.refitted(&there)) };
             jumps.at_best_for(&in_it, &there).share_of(model) >= GROWING_SHARE
         };
+        let is_beaten = self.rival().is_some_and(|rival| rival.beats(found));
         let is_worth_timing = |model: &&Hypothesis| {
-            !model.added.is_empty() && (!without.is_unexplained() || may_explain(model, false))
+            !model.added.is_empty()
+                && !is_beaten
+                && (!without.is_unexplained() || may_explain(model, false))
         };
         let models = iter::once(found).chain(asked).filter(is_worth_timing);
         curved.progress.begin("timing the jumps beside what was found", [0.0, 0.3]);
@@ -99,6 +101,15 @@ impl Jumping {
         let explains_little = without.is_unexplained() && best.model.share_of(found) < GROWING_SHARE;
         if gain <= TOLD_APART || explains_little {
             return Between::No;
+        }
+        // Times that were fitted beside too little ask for effects that make up for it.
+        for _ in 1..MOST_TIMED {
+            let next = sketched(&best.case(curved), settings);
+            let is_new = !next.added.is_empty() && !next.same_effects(&best.model);
+            let next = is_new.then(|| beside(&next));
+            let better = next.and_then(|next| Some((cost(&next)?, next))).filter(|(cost, _)| *cost < least);
+            let Some(better) = better.filter(|_| !interrupt::requested()) else { break };
+            (least, best) = better;
         }
         let mut turn = 1;
         loop {

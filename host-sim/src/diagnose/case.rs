@@ -4,6 +4,7 @@ use super::candidate::Candidate;
 use super::jumps::Timed;
 use super::progress::Progress;
 use super::residual::{self, MEASURED};
+use super::search::Rival;
 use crate::fit::{self, Prepared};
 use crate::rig::Rig;
 use eha_monitor::channel::Channel;
@@ -31,9 +32,8 @@ pub struct Case<'a> {
     pub model_error: [f64; MEASURED],
     /// The jumps of their commands, and the model beside which their times were fitted, where they were.
     pub(super) timed: Option<&'a Timed>,
-    /// What an explanation of the records costs that is known already, where one is: effects that cost more are not looked
-    /// for. See [`super::hypothesis::Hypothesis::cost`].
-    pub(super) rival: Option<f64>,
+    /// An explanation of the records that is known already, where one is: models that cost more are not grown.
+    pub(super) rival: Option<Rival>,
     /// Is it searched from afar where nothing else explains the records? Once, in the likeliest reading: what that finds is
     /// taken on to the others.
     pub(super) searches_from_afar: bool,

@@ -4,6 +4,7 @@ use super::Case;
 use super::candidate::{self, Prospect};
 use super::place::{self, Place};
 use super::signature::Signatures;
+use super::trade::Trade;
 use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, Polished, Prepared, TOLD_APART, Valley};
 use crate::interrupt;
 use crate::rig::{Range, Rig};
@@ -18,8 +19,6 @@ use std::sync::OnceLock;
 
 /// Share of the misfit beyond noise that effects must take away to be named although something else is left.
 const NAMING_SHARE: f64 = 0.99;
-/// A fault whose standard error grows by this factor when an effect is fitted beside it is confounded with the effect.
-const CONFOUNDED: f64 = 5.0;
 /// What a model is made of, and how it fits.
 #[derive(Clone)]
 pub(super) struct Hypothesis {
@@ -39,6 +38,8 @@ pub(super) struct Hypothesis {
     prospects: OnceLock<Vec<Prospect>>,
     /// How far the fitted records leave its faults open, once that was asked.
     valley: OnceLock<Valley>,
+    /// What its faults may trade with, once that was asked.
+    pub(super) trades: OnceLock<Vec<Trade>>,
 }
 
 impl Hypothesis {
@@ -90,6 +91,7 @@ impl Hypothesis {
             added,
             prospects: OnceLock::new(),
             valley: OnceLock::new(),
+            trades: OnceLock::new(),
         }
     }
 
@@ -215,7 +217,7 @@ impl Hypothesis {
 
     /// How far the fitted records leave its faults open; they are those that the model was made with, and it leaves noise
     /// of them.
-    fn valley(&self, case: &Case<'_>) -> &Valley {
+    pub(super) fn valley(&self, case: &Case<'_>) -> &Valley {
         self.valley.get_or_init(|| {
             let faults = case.rig.faults.len();
             Valley::around(&self.rig, &self.ranges, &self.train, case.train(), faults)
@@ -267,32 +269,6 @@ impl Hypothesis {
         self.leaves_noise(case) || excess(&self.train.misfit) < (1.0 - NAMING_SHARE) * excess(without)
     }
 
-    /// For each declared fault, the effects whose presence would leave it undetermined.
-    pub(super) fn confounded(&self, case: &Case<'_>) -> Vec<Vec<&'static EffectInfo>> {
-        let faults = 0..case.rig.faults.len();
-        let own = |fault| {
-            let error = self.train.standard_error(fault);
-            Estimate::new(&self.ranges[fault], self.train.values[fault], error)
-        };
-        let mut estimates: Vec<Estimate> = faults.clone().map(own).collect();
-        if within_noise(&self.train.misfit) {
-            self.valley(case).widen(&mut estimates);
-        }
-        let confounded_with = |fault: usize| {
-            let error = CONFOUNDED * estimates[fault].spread();
-            let mixed_up = |prospect: &&Prospect| prospect.foreseen.standard_error(fault) > error;
-            self.prospects(case).iter().filter(mixed_up).map(|prospect| prospect.effect).collect()
-        };
-        faults.map(confounded_with).collect()
-    }
-
-    /// Would an effect leave a declared fault undetermined?
-    pub(super) fn confuses(&self, case: &Case<'_>, prospect: &Prospect) -> bool {
-        (0..case.rig.faults.len()).any(|fault| {
-            prospect.foreseen.standard_error(fault) > CONFOUNDED * self.train.standard_error(fault)
-        })
-    }
-
     /// The same where a fit of all records shows a better valley of them. It is that of the fitted ones too where they do
     /// not tell it from their own.
     pub(super) fn or_in_valley_of_all(self, case: &Case<'_>, all: &Fit) -> Self {
@@ -326,6 +302,7 @@ impl Hypothesis {
             train: self.joint.clone(),
             prospects: OnceLock::new(),
             valley: OnceLock::new(),
+            trades: OnceLock::new(),
             ..self.clone()
         }
     }

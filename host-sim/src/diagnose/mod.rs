@@ -43,6 +43,7 @@ pub mod residual;
 mod ripple;
 mod search;
 mod signature;
+mod trade;
 mod weighing;
 
 pub use case::Case;
@@ -67,7 +68,7 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Di
     let log = Log::new(watch);
     let case = &Case { progress: Progress::of(&log), ..*case };
     let jumping = Jumping::of(&case.part([0.0, TIMING], ""), settings);
-    let rival = jumping.as_ref().and_then(|jumping| jumping.rival(case));
+    let rival = jumping.as_ref().and_then(Jumping::rival);
     let timed_first = if jumping.is_some() { TIMING } else { 0.0 };
     let answer = diagnose_in_noise(&Case { rival, ..case.part([timed_first, 0.7], "") }, settings);
     if interrupt::requested() {

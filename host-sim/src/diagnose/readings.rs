@@ -177,6 +177,13 @@ impl Declared {
     }
 }
 
+/// The best model that a short search finds for a case; see [`search::sketch`].
+pub(super) fn sketched(case: &Case<'_>, settings: &FitSettings) -> Hypothesis {
+    let declared = Declared::of(case, settings);
+    let excerpts = case.excerpts();
+    search::sketch(&case.searched(excerpts.as_deref()), declared.begun(case).clone())
+}
+
 /// Diagnoses a case whose declared faults are fitted. A model beside which the times of its jumps were fitted is one of
 /// those that are weighed.
 fn diagnose_from(case: &Case<'_>, declared: Declared, settings: &FitSettings) -> Answer {

@@ -6,6 +6,7 @@ use super::weighing::{self, Earned};
 use crate::fit::{FitSettings, TOLD_APART};
 use crate::interrupt;
 use eha_monitor::effect::EffectInfo;
+use eha_monitor::fit::identify::within_noise;
 use rayon::prelude::*;
 use std::iter;
 use std::slice;
@@ -34,22 +35,45 @@ impl FirstRound {
     /// Grows the model with the declared faults alone by an effect.
     pub(super) fn of(case: &Case<'_>, mut root: Hypothesis) -> Self {
         case.progress.begin(&round(0), [0.05, 0.1]);
-        let grown = root.grow(case, &[], true);
+        let mut grown = root.grow(case, &[], true);
+        for hidden in root.hidden(case) {
+            weighing::learn(&mut grown, hidden);
+        }
         let mut first = Self { root, grown, leaves_noise: false };
         first.leaves_noise = first.best().leaves_noise(case);
         first
     }
 
     /// All of them.
-    pub(super) fn models(&self) -> impl Iterator<Item = &Hypothesis> {
+    pub(super) fn models(&self) -> impl Iterator<Item = &Hypothesis> + Clone {
         iter::once(&self.root).chain(&self.grown)
     }
 
     /// The one of least cost.
     pub(super) fn best(&self) -> &Hypothesis {
-        let scale = self.models().map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
-        let cheaper = |a: &&Hypothesis, b: &&Hypothesis| a.cost(scale).total_cmp(&b.cost(scale));
-        self.models().min_by(cheaper).unwrap_or(&self.root)
+        cheapest(self.models()).unwrap_or(&self.root)
+    }
+}
+
+/// The model of least cost, in units of the least that any of them leaves.
+fn cheapest<'a>(models: impl Iterator<Item = &'a Hypothesis> + Clone) -> Option<&'a Hypothesis> {
+    let scale = models.clone().map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
+    models.min_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)))
+}
+
+/// An explanation of the records that is known before a search.
+#[derive(Clone, Copy)]
+pub(super) struct Rival {
+    /// Mean square, in units of the noise, of what it leaves; at least 1.
+    pub(super) scale: f64,
+    /// What it costs in units of that.
+    pub(super) cost: f64,
+}
+
+impl Rival {
+    /// Do the records speak for it against a model?
+    pub(super) fn beats(&self, model: &Hypothesis) -> bool {
+        model.cost(self.scale) > self.cost + TOLD_APART
     }
 }
 
@@ -103,6 +127,15 @@ pub(super) fn search(
     Sound { simple, ..sound }
 }
 
+/// The best of a search that ends as soon as what is left of the fitted records may be noise, and looks for nothing to which
+/// no slope leads: what the times of jumps are fitted beside.
+pub(super) fn sketch(case: &Case<'_>, FirstRound { root, grown, .. }: FirstRound) -> Hypothesis {
+    let mut growth = Growth { case, tried: Vec::new() };
+    let beam = growth.chosen(slice::from_ref(&root), grown);
+    growth.run_until(beam, [0.1, 1.0], |best| within_noise(&best.train.misfit));
+    cheapest(growth.tried.iter()).unwrap_or(&root).clone()
+}
+
 /// A beam search over effects.
 struct Growth<'a> {
     case: &'a Case<'a>,
@@ -112,8 +145,18 @@ struct Growth<'a> {
 
 impl Growth<'_> {
     /// Grows hypotheses as long as that helps, between two shares of the whole.
-    fn run(&mut self, mut beam: Vec<Hypothesis>, [from, to]: [f64; 2]) {
-        while !beam.is_empty() && !interrupt::requested() {
+    fn run(&mut self, beam: Vec<Hypothesis>, shares: [f64; 2]) {
+        self.run_until(beam, shares, |_| false);
+    }
+
+    /// The same until the best that was tried will do.
+    fn run_until(
+        &mut self,
+        mut beam: Vec<Hypothesis>,
+        [from, to]: [f64; 2],
+        will_do: impl Fn(&Hypothesis) -> bool,
+    ) {
+        while !beam.is_empty() && !cheapest(self.tried.iter()).is_some_and(&will_do) && !interrupt::requested() {
             let stage = beam[0].added.len();
             if stage >= MOST_EFFECTS {
                 break;
@@ -178,8 +221,7 @@ impl Growth<'_> {
 
     /// Is there an explanation that is cheaper than all that was tried?
     fn is_beaten(&self) -> bool {
-        let costs_more = |rival| self.tried.iter().all(|known| known.cost(1.0) > rival + TOLD_APART);
-        self.case.rival.is_some_and(costs_more)
+        self.case.rival.is_some_and(|rival| self.tried.iter().all(|known| rival.beats(known)))
     }
 
     /// Does something that was tried leave noise, of effects that earn their place, is another explanation cheaper, or is

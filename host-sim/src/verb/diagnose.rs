@@ -7,7 +7,7 @@ use crate::diagnose::{Case, Diagnosis, Score, Verdict, diagnose};
 use crate::failure::Failure;
 use crate::fit::{self, Bounds, Estimate, FitSettings, LoopScore, Prepared};
 use crate::interrupt;
-use crate::output::{self, SCHEMA, effects_in_words};
+use crate::output::{self, SCHEMA, Time, effects_in_words};
 use crate::record::Record;
 use crate::report::{self, Diagnosed, OfParts, REPORT_FILE};
 use crate::rig::{self, Rig};
@@ -122,7 +122,7 @@ impl Job<'_> {
         }
         let case = Case::new(&self.rig, &records, self.train.len());
         let settings = FitSettings { seed: self.common.seed, ..FitSettings::default() };
-        let bar = output::bar(self.common, 100, "diagnosing");
+        let bar = output::bar(self.common, 100, "diagnosing", Time::Gone);
         let mut diagnosis = diagnose(&case, &settings, &|stage| output::show_stage(&bar, stage));
         diagnosis.interrupted |= interrupt::requested();
         if diagnosis.verdict == Verdict::Unexplained

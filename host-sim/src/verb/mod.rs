@@ -23,7 +23,7 @@ use crate::fit::{self, AsRead, Fit, FitSettings, NoiseSource, Prepared, Reading}
 use crate::inspect::screen::{Screened, screen};
 use crate::inspect::setup;
 use crate::interrupt;
-use crate::output::{self, plain};
+use crate::output::{self, Time, plain};
 use crate::record::{self, Loaded, Mapping, Problem, ReadOptions, Record, RecordError};
 use crate::rig::{BUILT_IN, Range, Rig, parameter_named};
 use crate::table_file::table_path;
@@ -320,7 +320,7 @@ fn fit_records(
     let noise_source = fit::noise_source(&rig, &records);
     let prepared: Vec<Prepared> = records.iter().map(|record| fit::prepare(&rig, record)).collect();
     let settings = FitSettings { seed: common.seed, population: options.population, budget: options.budget };
-    let bar = output::bar(common, u64::from(options.budget), "identifying");
+    let bar = output::bar(common, u64::from(options.budget), "identifying", Time::Left);
     let show = |standing| output::show_standing(&bar, standing);
     let AsRead { reading: Reading { rig, records: prepared }, fit, is_open: reading_open } =
         fit::fit_as_read(&rig, &ranges, &prepared, &settings, show);

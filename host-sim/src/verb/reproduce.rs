@@ -11,7 +11,7 @@ use crate::cli::Common;
 use crate::failure::Failure;
 use crate::fit::{self, Bounds, Fit, FitSettings, Prepared};
 use crate::interrupt;
-use crate::output::{self, SCHEMA};
+use crate::output::{self, SCHEMA, Time};
 use crate::plant::{self, Excitation, Sensing};
 use crate::record::Record;
 use crate::report::{self, Portrait, REPORT_FILE, Reproduced};
@@ -65,7 +65,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     };
     // A loop that was not closed says nothing of what the model lacks.
     let augmented = augmented.filter(|_| common.rig.is_some() || !interrupt::requested());
-    let bar = output::bar(common, CASES.len() as u64, "reproducing");
+    let bar = output::bar(common, CASES.len() as u64, "reproducing", Time::Left);
     let results: Vec<Outcome> = CASES
         .par_iter()
         .filter(|_| !interrupt::requested())
