@@ -6,6 +6,7 @@ mod cli {
     mod bad_records;
     mod check;
     mod data;
+    mod effort;
     mod guide;
     mod harness;
     mod identify;

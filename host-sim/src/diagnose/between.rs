@@ -7,7 +7,6 @@ use super::jumps::{Jumps, Timed};
 use super::readings::{Answer, Declared, diagnose_in_noise, sketched};
 use super::search::{GROWING_SHARE, Rival};
 use crate::fit::{self, Estimate, FitSettings, Reading, TOLD_APART};
-use crate::interrupt;
 use crate::rig::CommandPath;
 use std::borrow::Cow;
 use std::iter;
@@ -81,9 +80,7 @@ impl Jumping {
         };
         let is_beaten = self.rival().is_some_and(|rival| rival.beats(found));
         let is_worth_timing = |model: &&Hypothesis| {
-            !model.added.is_empty()
-                && !is_beaten
-                && (!without.is_unexplained() || may_explain(model, false))
+            !model.added.is_empty() && !is_beaten && (!without.is_unexplained() || may_explain(model, false))
         };
         let models = iter::once(found).chain(asked).filter(is_worth_timing);
         curved.progress.begin("timing the jumps beside what was found", [0.0, 0.3]);
@@ -108,7 +105,7 @@ impl Jumping {
             let is_new = !next.added.is_empty() && !next.same_effects(&best.model);
             let next = is_new.then(|| beside(&next));
             let better = next.and_then(|next| Some((cost(&next)?, next))).filter(|(cost, _)| *cost < least);
-            let Some(better) = better.filter(|_| !interrupt::requested()) else { break };
+            let Some(better) = better.filter(|_| !curved.is_over()) else { break };
             (least, best) = better;
         }
         let mut turn = 1;
@@ -117,7 +114,7 @@ impl Jumping {
             let next = answer.to_be_timed();
             let is_same = next.same_effects(&best.model)
                 && next.rig.has_sticking_spool() == best.model.rig.has_sticking_spool();
-            let is_last = turn == MOST_TIMED || is_same || interrupt::requested();
+            let is_last = turn == MOST_TIMED || is_same || curved.is_over();
             let is_open = !is_last && (!answer.is_unexplained() || may_explain(next, true));
             let next = is_open.then(|| beside(next));
             let better = next.and_then(|next| Some((cost(&next)?, next))).filter(|(cost, _)| *cost < least);

@@ -6,13 +6,18 @@ use super::progress::Progress;
 use super::residual::{self, MEASURED};
 use super::search::Rival;
 use crate::fit::{self, Prepared};
+use crate::interrupt;
 use crate::rig::Rig;
 use eha_monitor::channel::Channel;
 use eha_monitor::model::Drive;
 use eha_monitor::model::state::Outputs;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Standard deviations of the residual tests: with four channels, a chance of 1e-4 of a false alarm.
 const RESIDUAL_LIMIT: f64 = 5.0;
+
+/// Most that is spent on a search where nobody says otherwise, s of one core.
+pub const EFFORT_S: f64 = 400.0;
 
 /// The place of the pressure difference among the measured channels.
 const PRESSURE: usize = 3;
@@ -37,6 +42,10 @@ pub struct Case<'a> {
     /// Is it searched from afar where nothing else explains the records? Once, in the likeliest reading: what that finds is
     /// taken on to the others.
     pub(super) searches_from_afar: bool,
+    /// Most that is spent on the search, s of one core as [`Prepared::spent_s`] counts them: what is begun then is ended.
+    pub(super) effort_s: f64,
+    /// Whether that was not enough.
+    pub(super) cut: Option<&'a AtomicBool>,
     /// Whom it tells where it stands.
     pub(super) progress: Progress<'a>,
 }
@@ -85,8 +94,26 @@ impl<'a> Case<'a> {
             timed: None,
             rival: None,
             searches_from_afar: true,
+            effort_s: EFFORT_S,
+            cut: None,
             progress: Progress::SILENT,
         }
+    }
+
+    /// The same with another effort, s of one core, at most.
+    #[must_use]
+    pub const fn within(self, effort_s: f64) -> Self {
+        Self { effort_s, ..self }
+    }
+
+    /// Is the search to end, because the user wants it to or its effort is used up? For what is done by one thread: what
+    /// others spend meanwhile differs from run to run.
+    pub(super) fn is_over(&self) -> bool {
+        let is_used_up = self.records.iter().map(Prepared::spent_s).sum::<f64>() > self.effort_s;
+        if let Some(cut) = self.cut.filter(|_| is_used_up) {
+            cut.store(true, Ordering::Relaxed);
+        }
+        is_used_up || interrupt::requested()
     }
 
     /// Records that are fitted.

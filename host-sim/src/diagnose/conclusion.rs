@@ -6,7 +6,6 @@ use super::hypothesis::Hypothesis;
 use super::residual;
 use super::weighing::Earned;
 use crate::fit::{self, Correlation, Estimate, Fit, Prepared};
-use crate::interrupt;
 use crate::rig::Rig;
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
@@ -115,7 +114,7 @@ pub(super) fn conclude(
     let scores = |records: &[Prepared]| [score(&bare, records), score(&best.rig, records)];
     Diagnosis {
         verdict,
-        interrupted: interrupt::requested(),
+        early: None,
         faults,
         free: estimates[case.rig.faults.len()..before.estimates.len()].to_vec(),
         correlation: Correlation::new(best.ranges.iter().map(|range| range.parameter), &fit.covariance),

@@ -60,13 +60,32 @@ pub struct Fault {
     pub confounded_with: Vec<&'static EffectInfo>,
 }
 
+/// Why a search ended early.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Early {
+    /// The user wanted it to.
+    Interrupted,
+    /// Its effort was used up.
+    OutOfEffort,
+}
+
+impl Early {
+    /// For a person.
+    pub const fn in_words(self) -> &'static str {
+        match self {
+            Self::Interrupted => "interrupted",
+            Self::OutOfEffort => "out of effort",
+        }
+    }
+}
+
 /// The answer.
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
     /// Verdict.
     pub verdict: Verdict,
-    /// Was it interrupted? What was not tried by then is not ruled out.
-    pub interrupted: bool,
+    /// Why the search ended early, if it did: what was not tried by then is not ruled out.
+    pub early: Option<Early>,
     /// The faults before any effect was added.
     pub before: Fit,
     /// The declared faults at the end: where noise is left, as all records have them.
@@ -105,8 +124,14 @@ pub struct Diagnosis {
 impl Diagnosis {
     /// The verdict for a person.
     pub fn verdict_in_words(&self) -> String {
-        let so_far = self.interrupted && self.verdict == Verdict::Unexplained;
-        format!("{}{}", self.verdict.name(), if so_far { " so far (interrupted)" } else { "" })
+        let early = self.early.filter(|_| self.verdict == Verdict::Unexplained);
+        let so_far = early.map_or_else(String::new, |early| format!(" so far ({})", early.in_words()));
+        format!("{}{so_far}", self.verdict.name())
+    }
+
+    /// What the search took, s of one core: see [`Prepared::spent_s`].
+    pub fn effort_s(&self) -> f64 {
+        self.records.iter().map(Prepared::spent_s).sum()
     }
 
     /// Which values those after an effect was added are, for a person.

@@ -46,8 +46,8 @@ mod signature;
 mod trade;
 mod weighing;
 
-pub use case::Case;
-pub use diagnosis::{Diagnosis, Fault, Found, Score, Verdict, score};
+pub use case::{Case, EFFORT_S};
+pub use diagnosis::{Diagnosis, Early, Fault, Found, Score, Verdict, score};
 
 use crate::fit::{self, FitSettings, Prepared};
 use crate::interrupt;
@@ -55,23 +55,33 @@ use between::{Between, Jumping};
 use progress::{Log, Progress, Watch};
 use readings::diagnose_in_noise;
 use residual::MEASURED;
+use std::sync::atomic::AtomicBool;
 
 /// Share of a diagnosis in which jumps between samples are timed first.
 const TIMING: f64 = 0.05;
 
-/// Diagnoses a case. `watch` is told where it stands.
-///
+/// Diagnoses a case, as far as its effort goes. `watch` is told where it stands.
+pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
+    let log = Log::new(watch);
+    let cut = AtomicBool::new(false);
+    let diagnosis = in_each_way(&Case { progress: Progress::of(&log), cut: Some(&cut), ..*case }, settings);
+    let early = if interrupt::requested() {
+        Some(Early::Interrupted)
+    } else {
+        cut.into_inner().then_some(Early::OutOfEffort)
+    };
+    Diagnosis { early, ..diagnosis }
+}
+
 /// Commands are taken to jump at samples, and noise for white, first. Jumps between two samples may be the truth; where
 /// something is left, noise that is coloured, as its spectrum where no actuator follows tells. What explains more is the
 /// answer.
-pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
-    let log = Log::new(watch);
-    let case = &Case { progress: Progress::of(&log), ..*case };
+fn in_each_way(case: &Case<'_>, settings: &FitSettings) -> Diagnosis {
     let jumping = Jumping::of(&case.part([0.0, TIMING], ""), settings);
     let rival = jumping.as_ref().and_then(Jumping::rival);
     let timed_first = if jumping.is_some() { TIMING } else { 0.0 };
     let answer = diagnose_in_noise(&Case { rival, ..case.part([timed_first, 0.7], "") }, settings);
-    if interrupt::requested() {
+    if case.is_over() {
         return answer.diagnosis;
     }
     // What explains the records says how they are to be read.
@@ -93,7 +103,7 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Di
         Between::Open(estimates) if !is_unexplained => diagnosis.hold(&estimates),
         _ => {}
     }
-    if diagnosis.verdict != Verdict::Unexplained || interrupt::requested() {
+    if diagnosis.verdict != Verdict::Unexplained || case.is_over() {
         return diagnosis;
     }
     let colour: [f64; MEASURED] = std::array::from_fn(|channel| {

@@ -52,7 +52,7 @@ impl Hypothesis {
     pub(super) fn effects_made_up_for(&self, case: &Case<'_>, settings: &FitSettings) -> Vec<Candidate> {
         let may_be_far =
             !self.added.is_empty() && case.hides_friction() && fit::is_affine(&self.rig, &self.ranges);
-        if may_be_far { self.effects_followed(case, settings) } else { Vec::new() }
+        if may_be_far && !case.is_over() { self.effects_followed(case, settings) } else { Vec::new() }
     }
 
     /// An effect fitted from moment to moment, and to the whole; none where it explains none of the first. It is searched

@@ -152,7 +152,8 @@ pub(super) fn absent(effect: &EffectInfo, rig: &Rig) -> Place {
     let values: Vec<f64> = effect.parameters.iter().map(here).collect();
     let widths = values.iter().zip(effect.sizes);
     let ranges = effect.parameters.iter().zip(widths);
-    let ranges = ranges.map(|(&parameter, (&value, size))| Range::around(parameter, value, LARGEST * size)).collect();
+    let ranges =
+        ranges.map(|(&parameter, (&value, size))| Range::around(parameter, value, LARGEST * size)).collect();
     Place { ranges, values }
 }
 

@@ -7,7 +7,6 @@ use super::hypothesis::Hypothesis;
 use super::residual;
 use super::search::{self, FirstRound};
 use crate::fit::{self, BETTER_VALLEY, Fit, FitSettings, Polished, Reading, TOLD_APART};
-use crate::interrupt;
 use crate::rig::Rig;
 use eha_monitor::fit::problem::Misfit;
 use std::cell::OnceCell;
@@ -84,7 +83,7 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     let mut likeliest = fit::speaks_for(&misfits);
     let is_one = read.len() == 1;
     let (there, declared) = &read[likeliest];
-    if !is_one && !declared.begun(there).leaves_noise && !interrupt::requested() {
+    if !is_one && !declared.begun(there).leaves_noise && !case.is_over() {
         let best = |(case, declared): &(&Case<'_>, Declared)| declared.begun(case).best().joint.misfit;
         likeliest = fit::speaks_for(&read.iter().map(best).collect::<Vec<_>>());
     }
@@ -107,7 +106,7 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     }
     let likeliest = rivals.into_iter().min_by(|(a, ..), (b, ..)| a.total_cmp(b));
     let Some((_, is_open, there, declared)) = likeliest else { return answer };
-    if diagnosis.verdict == Verdict::Adequate || interrupt::requested() {
+    if diagnosis.verdict == Verdict::Adequate || case.is_over() {
         return answer;
     }
     let there = there.part([0.6, 1.0], ", in another reading").another();

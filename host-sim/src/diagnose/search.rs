@@ -4,7 +4,6 @@ use super::Case;
 use super::hypothesis::{self, Hypothesis};
 use super::weighing::{self, Earned};
 use crate::fit::{FitSettings, TOLD_APART};
-use crate::interrupt;
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::identify::within_noise;
 use rayon::prelude::*;
@@ -113,7 +112,7 @@ pub(super) fn search(
         let scale = sound.best.scale();
         let is_better = |other: &&Hypothesis| other.cost(scale) < sound.best.cost(scale) - TOLD_APART;
         let better: Vec<Hypothesis> = sound.stand_ins.iter().flatten().filter(is_better).cloned().collect();
-        if better.is_empty() || interrupt::requested() {
+        if better.is_empty() || case.is_over() {
             break;
         }
         tried.extend(better);
@@ -156,7 +155,7 @@ impl Growth<'_> {
         [from, to]: [f64; 2],
         will_do: impl Fn(&Hypothesis) -> bool,
     ) {
-        while !beam.is_empty() && !cheapest(self.tried.iter()).is_some_and(&will_do) && !interrupt::requested() {
+        while !beam.is_empty() && !cheapest(self.tried.iter()).is_some_and(&will_do) && !self.case.is_over() {
             let stage = beam[0].added.len();
             if stage >= MOST_EFFECTS {
                 break;
@@ -229,7 +228,7 @@ impl Growth<'_> {
     fn is_done(&self) -> bool {
         let Self { case, tried } = self;
         let explains = |known: &Hypothesis| known.leaves_noise(case) && known.is_welcome(case, tried);
-        interrupt::requested() || self.is_beaten() || tried.iter().any(explains)
+        case.is_over() || self.is_beaten() || tried.iter().any(explains)
     }
 
     /// What is grown next: where nothing that was tried leaves noise, also what explains the first moments of the records

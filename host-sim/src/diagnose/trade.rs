@@ -33,7 +33,8 @@ impl Hypothesis {
 
     /// Would the standard error of a declared fault grow by more than a factor if an effect were fitted as well?
     fn widens(&self, case: &Case<'_>, prospect: &Prospect, factor: f64) -> bool {
-        let grows = |fault| prospect.foreseen.standard_error(fault) > factor * self.train.standard_error(fault);
+        let grows =
+            |fault| prospect.foreseen.standard_error(fault) > factor * self.train.standard_error(fault);
         (0..case.rig.faults.len()).any(grows)
     }
 
@@ -59,7 +60,8 @@ impl Hypothesis {
     /// The declared faults of a fit of this model, or of one with more in it, as far as the fitted records leave them open.
     fn faults(&self, case: &Case<'_>, fit: &Polished, valley: Option<&Valley>) -> Vec<Estimate> {
         let own = |(fault, range)| Estimate::new(range, fit.values[fault], fit.standard_error(fault));
-        let mut faults: Vec<Estimate> = self.ranges[..case.rig.faults.len()].iter().enumerate().map(own).collect();
+        let mut faults: Vec<Estimate> =
+            self.ranges[..case.rig.faults.len()].iter().enumerate().map(own).collect();
         if let Some(valley) = valley {
             valley.widen(&mut faults);
         }

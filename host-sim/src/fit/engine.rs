@@ -1,5 +1,6 @@
 //! Which integrator a fit needs, and the buffers for it.
 
+use super::effort::Counting;
 use super::{MAX_FREE, Prepared};
 use crate::rig::{Range, Rig};
 use eha_monitor::fit::problem::{Free, Offset, Problem, Record};
@@ -48,11 +49,6 @@ impl Engine {
     }
 }
 
-/// One stepper for a model and one for each of its neighbours in a finish.
-fn steppers<S>(problem: &Problem<'_, f64>, make: impl Fn() -> S) -> Vec<S> {
-    (0..=problem.free.len()).map(|_| make()).collect()
-}
-
 /// Work that is done with whichever integrator a problem needs.
 pub trait Job {
     /// What it gives.
@@ -85,20 +81,37 @@ pub fn on_records<J: Job>(
     job: J,
 ) -> J::Output {
     let free = free_of(ranges);
-    let records: Vec<_> = records.iter().map(Prepared::as_core).collect();
-    let problem = Problem { form: rig.form, parameters: rig.parameters, free: &free, records: &records };
+    let series: Vec<_> = records.iter().map(Prepared::as_core).collect();
+    let problem = Problem { form: rig.form, parameters: rig.parameters, free: &free, records: &series };
+    let work = Work { problem: &problem, records, job };
     let Engine { is_affine, order } = Engine::of(&problem);
     match (is_affine, order) {
-        (true, ..=BASE_ORDER) => job.run(&problem, &mut steppers(&problem, Plain::new)),
-        (true, MORE..=SOME_ORDER) => job.run(&problem, &mut steppers(&problem, Fine::<SOME_ORDER>::new)),
-        (true, _) => job.run(&problem, &mut steppers(&problem, Fine::<FULL_ORDER>::new)),
-        (false, ..=BASE_ORDER) => {
-            job.run(&problem, &mut steppers(&problem, || Curved::<BASE_ORDER>::new(tolerance)))
+        (true, ..=BASE_ORDER) => work.with(75, Plain::new),
+        (true, MORE..=SOME_ORDER) => work.with(125, Fine::<SOME_ORDER>::new),
+        (true, _) => work.with(190, Fine::<FULL_ORDER>::new),
+        (false, ..=BASE_ORDER) => work.with(250, || Curved::<BASE_ORDER>::new(tolerance)),
+        (false, MORE..=SOME_ORDER) => work.with(310, || Curved::<SOME_ORDER>::new(tolerance)),
+        (false, _) => work.with(400, || Curved::<FULL_ORDER>::new(tolerance)),
+    }
+}
+
+/// A job on a problem.
+struct Work<'a, J> {
+    problem: &'a Problem<'a, f64>,
+    records: &'a [Prepared],
+    job: J,
+}
+
+impl<J: Job> Work<'_, J> {
+    /// Does it with an integrator that takes so many ns for a step on the machine that this was measured on: one for the
+    /// model and one for each of its neighbours in a finish.
+    fn with<S: Stepper<f64>>(self, step_ns: u64, make: impl Fn() -> S) -> J::Output {
+        let mut steppers: Vec<_> = (0..=self.problem.free.len()).map(|_| Counting::of(make())).collect();
+        let output = self.job.run(self.problem, &mut steppers);
+        if let Some(record) = self.records.first() {
+            record.effort.add(step_ns * steppers.iter().map(Counting::steps).sum::<u64>());
         }
-        (false, MORE..=SOME_ORDER) => {
-            job.run(&problem, &mut steppers(&problem, || Curved::<SOME_ORDER>::new(tolerance)))
-        }
-        (false, _) => job.run(&problem, &mut steppers(&problem, || Curved::<FULL_ORDER>::new(tolerance))),
+        output
     }
 }
 

@@ -4,6 +4,7 @@ mod bounds;
 mod closed_loop;
 mod colour;
 mod correlation;
+mod effort;
 pub mod engine;
 mod estimate;
 mod limits;

@@ -1,6 +1,7 @@
 //! A record made ready for the core: inputs joined, start state found, settling marked.
 
 use super::colour::{as_white, in_differences};
+use super::effort::Effort;
 use super::noise::{
     MODEL_ERROR, command_step, correlation_time, differences, noise_of, present, quantum, rms,
 };
@@ -69,9 +70,17 @@ pub struct Prepared {
     /// What each measured channel may be off, rms, in its unit, by the steps in which its sensor is read, as far as the
     /// noise that this record shows leaves it; 0 where they are finer than a model's own error.
     pub off_by_steps: [f64; MEASURED],
+    /// What was spent on it.
+    pub(super) effort: Effort,
 }
 
 impl Prepared {
+    /// What was spent on it and on all that was made of it, s of one core of the machine that steps were timed on: they are
+    /// counted, so that it is the same on every other one.
+    pub fn spent_s(&self) -> f64 {
+        self.effort.spent_s()
+    }
+
     /// The view that the core fits.
     pub fn as_core(&self) -> CoreRecord<'_, f64> {
         CoreRecord {
@@ -136,6 +145,7 @@ impl Prepared {
             measured: self.measured.each_ref().map(&cut),
             drive: cut(&self.drive),
             starts,
+            effort: self.effort.clone(),
             ..*self
         }
     }
@@ -428,6 +438,7 @@ pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepa
         drive,
         lost: [0.0; MEASURED],
         off_by_steps: [0.0; MEASURED],
+        effort: Effort::default(),
     };
     let mut prepared = on_lines.along(rig);
     if law.is_none() && restart.is_none() && settle > 0 {

@@ -117,8 +117,8 @@ fn summary(diagnosis: &Diagnosis) -> String {
         Verdict::Explained => {
             format!("With {}, the model explains the records down to the noise.", found.join(" and "))
         }
-        Verdict::Unexplained if diagnosis.interrupted => {
-            "Interrupted: what was tried by then does not explain the records. What was not is not ruled out."
+        Verdict::Unexplained if diagnosis.early.is_some() => {
+            "The search ended early: what was tried by then does not explain the records. What was not is not ruled out."
                 .to_owned()
         }
         Verdict::Unexplained if found.is_empty() => {

@@ -8,6 +8,7 @@ use super::DEFAULT_RIG;
 use super::diagnose::{Job, WRITES};
 use super::files::Files;
 use crate::cli::Common;
+use crate::diagnose::EFFORT_S;
 use crate::failure::Failure;
 use crate::fit::TYPICAL_NOISE;
 use crate::interrupt;
@@ -80,13 +81,14 @@ pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
     }
     let holdout = records.split_off(2);
     let names = FLIGHTS.iter().map(|(command, role)| format!("{command} ({role})")).collect();
-    let mut job = Job { common, rig, train: records, holdout, record_notes: Vec::new(), names };
+    let mut job =
+        Job { common, rig, train: records, holdout, record_notes: Vec::new(), names, effort_s: EFFORT_S };
     let answer = job.run()?;
     let saved = job.save(&answer, None);
     if common.json {
         output::print_json(&answer.result)?;
         saved?;
-        return interrupt::check();
+        return answer.check();
     }
     let truth: Vec<String> = TRUTH
         .iter()
@@ -102,7 +104,7 @@ pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
     let saved = saved.and_then(|()| output::save(common, PRINTED_FILE, || Ok(text.clone())));
     output::print(&text)?;
     saved?;
-    interrupt::check()
+    answer.check()
 }
 
 fn fly(rig: &Rig, name: &str, seed: u64) -> Result<Record, Failure> {

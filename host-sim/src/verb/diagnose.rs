@@ -3,7 +3,7 @@
 use super::files::{Files, common_samples};
 use super::{DEFAULT_RIG, InputOptions};
 use crate::cli::Common;
-use crate::diagnose::{Case, Diagnosis, Score, Verdict, diagnose};
+use crate::diagnose::{Case, Diagnosis, EFFORT_S, Early, Score, Verdict, diagnose};
 use crate::failure::Failure;
 use crate::fit::{self, Bounds, Estimate, FitSettings, LoopScore, Prepared};
 use crate::interrupt;
@@ -38,6 +38,10 @@ pub struct Options {
     holdout: Vec<PathBuf>,
     #[command(flatten)]
     input: InputOptions,
+    /// Most work of the search, about so many seconds of one core: counted in steps of the simulation, so that a result
+    /// repeats on any machine. What was found by then is the result, and the exit code is 4.
+    #[arg(long, value_name = "S", default_value_t = EFFORT_S, value_parser = effort)]
+    effort: f64,
     /// Where to write the final model's prediction of the (first) held-out record (CSV, or Parquet if it ends so).
     #[arg(long, value_name = "FILE.csv|.parquet", requires = "holdout", value_parser = table_path())]
     prediction: Option<PathBuf>,
@@ -47,10 +51,14 @@ pub struct Options {
     trace: Option<PathBuf>,
 }
 
+fn effort(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|effort| *effort > 0.0).ok_or_else(|| "expected more than 0".to_owned())
+}
+
 /// Runs the verb.
 ///
 /// # Errors
-/// Usage or bad data.
+/// Usage, bad data, or a search that ended early.
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let trace = super::trace_path(common, options.trace.as_deref());
     Files::new(common)
@@ -70,7 +78,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let names =
         options.records.iter().chain(&options.holdout).map(|path| path.display().to_string()).collect();
     interrupt::watch()?;
-    let mut job = Job { common, rig, train, holdout, record_notes, names };
+    let mut job = Job { common, rig, train, holdout, record_notes, names, effort_s: options.effort };
     let mut answer = job.run()?;
     answer.result["config"]["reading"] = options.input.json();
     let saved = job
@@ -82,7 +90,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         output::print(job.text(&answer).trim_end())?;
     }
     saved?;
-    interrupt::check()
+    answer.check()
 }
 
 /// A diagnosis of records that were read.
@@ -94,6 +102,8 @@ pub(super) struct Job<'a> {
     /// What the user should know of the records.
     pub(super) record_notes: Vec<String>,
     pub(super) names: Vec<String>,
+    /// Most work of the search, s of one core.
+    pub(super) effort_s: f64,
 }
 
 /// What a diagnosis gave.
@@ -103,6 +113,18 @@ pub(super) struct Answer {
     pub(super) loops: OfParts<LoopScore>,
     /// All of it as JSON.
     pub(super) result: Value,
+}
+
+impl Answer {
+    /// A result of a search that ended early is no success.
+    pub(super) fn check(&self) -> Result<(), Failure> {
+        if self.diagnosis.early == Some(Early::OutOfEffort) {
+            return Err(Failure::convergence(
+                "the search used up its effort: the result is what was found by then; allow more with --effort",
+            ));
+        }
+        interrupt::check()
+    }
 }
 
 impl Job<'_> {
@@ -120,13 +142,12 @@ impl Job<'_> {
                 "the rig declares no fault and no free parameter: there is nothing to fit",
             ));
         }
-        let case = Case::new(&self.rig, &records, self.train.len());
+        let case = Case::new(&self.rig, &records, self.train.len()).within(self.effort_s);
         let settings = FitSettings { seed: self.common.seed, ..FitSettings::default() };
         let bar = output::bar(self.common, 100, "diagnosing", Time::Gone);
         let mut diagnosis = diagnose(&case, &settings, &|stage| output::show_stage(&bar, stage));
-        diagnosis.interrupted |= interrupt::requested();
         if diagnosis.verdict == Verdict::Unexplained
-            && !diagnosis.interrupted
+            && diagnosis.early.is_none()
             && fit::is_command_late(&self.rig, &self.rig.declared(), &self.train, &settings)
         {
             self.record_notes.push(output::LATE_COMMAND.to_owned());
@@ -190,11 +211,13 @@ impl Job<'_> {
             .collect();
         let mut config = output::config_json(self.common, &self.rig, &self.rig.declared(), &self.names);
         let FitSettings { population, budget, .. } = FitSettings::default();
-        config["search"] = json!({ "population": population, "budget": budget });
+        config["search"] = json!({ "population": population, "budget": budget, "effort_s": self.effort_s });
         json!({
             "schema": SCHEMA,
             "verdict": diagnosis.verdict.name(),
-            "interrupted": diagnosis.interrupted,
+            "interrupted": diagnosis.early == Some(Early::Interrupted),
+            "effort_s": output::number(diagnosis.effort_s()),
+            "out_of_effort": diagnosis.early == Some(Early::OutOfEffort),
             "faults_before": estimates(faults_before),
             "faults": faults,
             "free_before": estimates(free_before),
@@ -241,8 +264,10 @@ impl Job<'_> {
     fn warnings(&self, diagnosis: &Diagnosis) -> Vec<String> {
         let mut warnings = self.record_notes.clone();
         let sample_period = self.train[0].sample_period_s();
-        if diagnosis.interrupted {
-            warnings.push("interrupted: effects that were not tried yet are not ruled out".to_owned());
+        if let Some(early) = diagnosis.early {
+            let more = if early == Early::OutOfEffort { "; --effort allows more" } else { "" };
+            let early = early.in_words();
+            warnings.push(format!("{early}: effects that were not tried yet are not ruled out{more}"));
         }
         if diagnosis.holdout.is_none() && !diagnosis.found.is_empty() {
             warnings.push("no held-out record: what was found is not validated".to_owned());
