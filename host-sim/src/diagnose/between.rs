@@ -54,10 +54,11 @@ impl Jumping {
     }
 
     /// What the declared faults alone cost in it, in place of effects in another reading.
-    pub(super) fn rival(&self) -> Option<Rival> {
+    pub(super) fn rival(&self, case: &Case<'_>) -> Option<Rival> {
         let Timed { model, .. } = &self.alone;
         let scale = model.scale();
-        Some(Rival { scale, cost: model.cost(scale) + self.alone.price()? })
+        let leaves_noise = model.leaves_noise(&self.alone.case(case));
+        Some(Rival { scale, cost: model.cost(scale) + self.alone.price()?, leaves_noise })
     }
 
     /// Diagnoses the case in it, if that explains more than the model that was found without it.
@@ -78,7 +79,7 @@ impl Jumping {
             let in_it = if is_in_it { Cow::Borrowed(model) } else { Cow::Owned(model.refitted(&there)) };
             jumps.at_best_for(&in_it, &there).share_of(model) >= GROWING_SHARE
         };
-        let is_beaten = self.rival().is_some_and(|rival| rival.beats(found));
+        let is_beaten = self.rival(case).is_some_and(|rival| rival.beats(found));
         let is_worth_timing = |model: &&Hypothesis| {
             !model.added.is_empty() && !is_beaten && (!without.is_unexplained() || may_explain(model, false))
         };

@@ -243,8 +243,15 @@ impl Hypothesis {
 
     /// The effects that could stand in for one that was added: with each in its place, the others kept, the records
     /// are explained as well. Beside others, the faults may have to go far for that, and no slope leads there: what
-    /// explains the first moments is followed.
-    pub(super) fn stand_ins(&self, case: &Case<'_>, earned: &Earned, settings: &FitSettings) -> Vec<Self> {
+    /// explains the first moments is followed. Where the fitted records are explained without any, they do not tell what
+    /// could; what was tried for the sake of all may.
+    pub(super) fn stand_ins(
+        &self,
+        case: &Case<'_>,
+        tried: &[Self],
+        earned: &Earned,
+        settings: &FitSettings,
+    ) -> Vec<Self> {
         let (scale, is_explained) = (self.scale(), self.leaves_noise(case));
         let mine = |chi_square: f64, effect| chi_square / scale + self.price(effect, scale) + TOLD_APART;
         let limit = mine(self.train.misfit.chi_square, earned.effect);
@@ -274,9 +281,15 @@ impl Hypothesis {
         others.dedup_by_key(|other| other.effect.name);
         others.sort_by(candidate::lower);
         let mut others = without.with(case, others);
+        for known in tried.iter().filter_map(|known| known.in_place_of(earned.effect, self)) {
+            if !others.iter().any(|other| other.same_effects(&known)) {
+                others.push(known);
+            }
+        }
         others.retain(|other| {
             let price = other.newest().map_or(0.0, |effect| self.price(effect, scale));
             (!other.same_effects(self) || other.is_likelier(self))
+                && other.train.misfit.chi_square / scale + price < limit
                 && other.joint.misfit.chi_square / scale + price < joint_limit
                 && (!is_explained || other.leaves_noise(case))
         });

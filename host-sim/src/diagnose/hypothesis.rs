@@ -312,6 +312,14 @@ impl Hypothesis {
         self.added.iter().copied().chain([effect]).collect()
     }
 
+    /// This model with its effects in such an order that the last one is in the place of one of another model, where all
+    /// others are the same.
+    pub(super) fn in_place_of(&self, effect: &EffectInfo, of: &Self) -> Option<Self> {
+        let (kept, new): (Vec<_>, Vec<_>) = self.added.iter().copied().partition(|known| of.has(known));
+        let is_it = self.added.len() == of.added.len() && new.len() == 1 && !self.has(effect);
+        is_it.then(|| Self { added: [kept, new].concat(), ..self.clone() })
+    }
+
     /// This model without an effect, if it is among those that were fitted before.
     pub(super) fn known_without<'a>(&self, effect: &EffectInfo, known: &'a [Self]) -> Option<&'a Self> {
         let is_it = |known: &&Self| {

@@ -60,6 +60,9 @@ fn cheapest<'a>(models: impl Iterator<Item = &'a Hypothesis> + Clone) -> Option<
     models.min_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)))
 }
 
+/// Share of the misfit beyond noise that an explanation must leave at most of what another one leaves to take its place.
+const MINOR: f64 = 0.5;
+
 /// An explanation of the records that is known before a search.
 #[derive(Clone, Copy)]
 pub(super) struct Rival {
@@ -67,12 +70,16 @@ pub(super) struct Rival {
     pub(super) scale: f64,
     /// What it costs in units of that.
     pub(super) cost: f64,
+    /// Is what it leaves noise?
+    pub(super) leaves_noise: bool,
 }
 
 impl Rival {
-    /// Do the records speak for it against a model?
+    /// Do the records speak for it against a model, and does it leave noise, or far less than the model does? Otherwise a
+    /// model that is grown may yet be better.
     pub(super) fn beats(&self, model: &Hypothesis) -> bool {
-        model.cost(self.scale) > self.cost + TOLD_APART
+        let is_major = self.leaves_noise || self.scale - 1.0 < MINOR * (model.scale() - 1.0);
+        is_major && model.cost(self.scale) > self.cost + TOLD_APART
     }
 }
 
@@ -346,7 +353,8 @@ impl Sound {
     fn find_stand_ins(&mut self, case: &Case<'_>, tried: &[Hypothesis], settings: &FitSettings) {
         let Self { root, best, earned, .. } = &*self;
         let named = best.is_name(case, &root.train.misfit);
-        let stand_ins = |earned| if named { best.stand_ins(case, earned, settings) } else { Vec::new() };
+        let stand_ins =
+            |earned| if named { best.stand_ins(case, tried, earned, settings) } else { Vec::new() };
         let explains = named && best.leaves_noise(case);
         self.stand_ins = earned.iter().map(stand_ins).collect();
         if explains {

@@ -5,11 +5,11 @@
 //! pressure gain. So it is walked along the fault, with the effect free to follow.
 
 use super::Case;
-use super::candidate::{Candidate, Prospect};
+use super::candidate::{self, Candidate, Prospect};
 use super::hypothesis::Hypothesis;
 use super::place::{self, Place};
 use crate::fit::{self, Estimate, Polished, Valley};
-use eha_monitor::effect::EffectInfo;
+use eha_monitor::effect::{EFFECTS, EffectInfo};
 use rayon::prelude::*;
 
 /// A fault whose standard error grows by this factor when an effect is fitted beside it is confounded with the effect.
@@ -28,14 +28,13 @@ pub(super) struct Trade {
 impl Hypothesis {
     /// Would an effect leave a declared fault undetermined, as the linear model has it?
     pub(super) fn confuses(&self, case: &Case<'_>, prospect: &Prospect) -> bool {
-        self.widens(case, prospect, CONFOUNDED)
+        self.widens(case, &prospect.foreseen, CONFOUNDED)
     }
 
-    /// Would the standard error of a declared fault grow by more than a factor if an effect were fitted as well?
-    fn widens(&self, case: &Case<'_>, prospect: &Prospect, factor: f64) -> bool {
-        let grows =
-            |fault| prospect.foreseen.standard_error(fault) > factor * self.train.standard_error(fault);
-        (0..case.rig.faults.len()).any(grows)
+    /// Is the standard error of a declared fault larger by more than a factor in a fit with an effect beside it?
+    fn widens(&self, case: &Case<'_>, with: &Polished, factor: f64) -> bool {
+        (0..case.rig.faults.len())
+            .any(|fault| with.standard_error(fault) > factor * self.train.standard_error(fault))
     }
 
     /// For each declared fault, the effects whose presence would leave it undetermined.
@@ -75,25 +74,28 @@ impl Hypothesis {
             if !self.leaves_noise(case) {
                 return Vec::new();
             }
-            let may_trade = |prospect: &&Prospect| {
-                self.widens(case, prospect, TRADES) && prospect.effect.parameters.len() == 1
+            let is_simple = |effect: &&'static EffectInfo| {
+                effect.parameters.len() == 1 && candidate::applies(effect, &self.rig, &self.ranges)
             };
-            let prospects: Vec<&Prospect> = self.prospects(case).iter().filter(may_trade).collect();
-            prospects.into_par_iter().filter_map(|prospect| self.trade(case, prospect.effect)).collect()
+            EFFECTS.par_iter().filter(is_simple).filter_map(|effect| self.trade(case, effect)).collect()
         })
     }
 
-    /// The valley of the declared faults with an effect beside them; none where that takes long.
+    /// The valley of the declared faults with an effect beside them; none where they do not trade with it, or it takes long.
     fn trade(&self, case: &Case<'_>, effect: &'static EffectInfo) -> Option<Trade> {
         let mut rig = self.rig.clone();
         rig.effects.push(effect);
-        let start = Place::of(&rig, &self.ranges).with(&place::absent(effect, &rig));
-        if !fit::is_affine(&rig, &start.ranges) {
+        let Place { ranges, values } = Place::of(&rig, &self.ranges).with(&place::absent(effect, &rig));
+        if !fit::is_affine(&rig, &ranges) {
             return None;
         }
-        let fit = fit::polish(&rig, &start.ranges, &start.values, case.train())?;
-        let valley = Valley::around(&rig, &start.ranges, &fit, case.train(), case.rig.faults.len());
-        let candidate = Candidate { effect, ranges: start.ranges, fit: valley.bottom.clone() };
+        let foreseen = fit::foresee(&rig, &ranges, &values, case.train())?;
+        if !self.widens(case, &foreseen, TRADES) {
+            return None;
+        }
+        let fit = fit::polish(&rig, &ranges, &values, case.train())?;
+        let valley = Valley::around(&rig, &ranges, &fit, case.train(), case.rig.faults.len());
+        let candidate = Candidate { effect, ranges, fit: valley.bottom.clone() };
         Some(Trade { candidate, valley })
     }
 
