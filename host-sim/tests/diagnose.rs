@@ -417,6 +417,43 @@ fn a_held_out_record_that_is_not_explained_asks_for_another_effect() {
     assert!(result["error"]["holdout"]["after_rms_m"].as_f64().unwrap() < 1.5 * noise, "{result:#}");
 }
 
+/// Diagnoses the positions of a jack of 1694 N whose second stage has `gain` times the pressure gain of the rig.
+fn of_another_pressure_gain(gain: f64, held: Command, noise: f64, seed: u64) -> Value {
+    let mut plant = faulty();
+    (plant.parameters.backlash, plant.parameters.jack_friction) = (3.65e-4, 1694.0);
+    plant.parameters.pressure_gain *= gain;
+    diagnose_positions(&plant, &[Command::CHIRP, Command::Mixed, held], noise, seed)
+}
+
+#[test]
+fn a_friction_that_trades_with_a_pressure_gain_says_so() {
+    // An eighth of the friction at the rig's pressure gain explains these records as well: nothing is found, and nothing
+    // may be claimed of the friction.
+    let result = of_another_pressure_gain(8.5, Command::CHIRP_LOW, 9e-6, 1);
+    assert_eq!(result["verdict"], "adequate", "{result:#}");
+    let [_, [_, upper]] = intervals_of_faults(&result);
+    assert!(upper < 1000.0, "{result:#}");
+    let mixed_up = |result: &Value| result["faults"][1]["confounded_with"].to_string();
+    assert!(mixed_up(&result).contains("pressure-gain"), "{result:#}");
+    // A friction that shows is not said to trade with what it does not.
+    assert!(!mixed_up(&result).contains("sensor") && !mixed_up(&result).contains("load"), "{result:#}");
+}
+
+#[test]
+fn what_all_records_show_alike_is_in_the_class() {
+    // The fitted records are explained without any effect, and leave the friction open from 200 to 4000 N: the held-out one
+    // asks for an effect, and does not tell which.
+    for gain in [3.0, 4.0] {
+        let result = of_another_pressure_gain(gain, Command::MixedStep, 4.5e-6, 10);
+        assert_eq!(result["verdict"], "explained", "{gain}: {result:#}");
+        let mut class = class(&result);
+        class.sort();
+        assert_eq!(class, ["load-mass", "pressure-gain"], "{gain}");
+        let [_, [least, most]] = intervals_of_faults(&result);
+        assert!(least < 1694.0 && 1694.0 < most, "{gain}: {result:#}");
+    }
+}
+
 #[test]
 fn spikes_on_the_line_of_a_sensor_are_no_effect() {
     let plant = faulty();

@@ -53,15 +53,16 @@ impl Hypothesis {
     pub(super) fn validated(
         case: &Case<'_>,
         mut rig: Rig,
-        ranges: Vec<Range>,
+        mut ranges: Vec<Range>,
         mut train: Polished,
         added: Vec<&'static EffectInfo>,
     ) -> Self {
         let mut joint = train.clone();
         if !case.holdout().is_empty()
-            && let Some((_, all)) = candidate::fitted(&rig, ranges.clone(), &train.values, case.records)
+            && let Some((wide, all)) = candidate::fitted(&rig, ranges.clone(), &train.values, case.records)
         {
-            joint = all;
+            // What all records ask for may be outside the ranges that the fitted ones need.
+            (ranges, joint) = (wide, all);
             let there = fit::misfit(&rig, &ranges, &joint.values, case.train());
             if there.chi_square < train.misfit.chi_square - BETTER_VALLEY
                 && let Some(better) = fit::polish(&rig, &ranges, &joint.values, case.train())

@@ -13,9 +13,9 @@ use eha_monitor::parameter::Parameter;
 use rayon::prelude::*;
 use std::cell::LazyCell;
 
-/// Rise of the held-out records' chi-square that chance explains (three standard deviations of one parameter: with two,
-/// one effect in fifty would be refused though it is there), in units of what is left and for samples that say different
-/// things.
+/// Rise of the chi-square of some records, from what they say to what others say, that chance explains (three standard
+/// deviations of one parameter: with two, one effect in fifty would be refused though it is there), in units of what is left
+/// and for samples that say different things.
 const HOLDOUT_CHANCE: f64 = 9.0;
 /// Standard errors, over blocks of the records, that a gain must have where what is left is not noise.
 const ROBUST_SIGMA: f64 = 2.0;
@@ -115,8 +115,16 @@ impl Hypothesis {
             (fit.values[size] - value).abs() > SIZE_SIGMA * error
         };
         let none = case.rig.parameters.get(effect.parameters[0]);
+        // The curvature at one end of a long valley tells nothing of the other end: what is left there does.
+        let is_open = || {
+            let there = fit::misfit(&self.rig_of_all(), &[], &[], case.train());
+            let rest = (self.ranges.len() - 1) as f64;
+            there.chi_square - self.train.misfit.chi_square <= (HOLDOUT_CHANCE + rest) * self.scale()
+        };
         is_told_from(&self.joint, none)
-            && (is_told_from(&self.train, none) || !is_told_from(&self.train, self.joint.values[size]))
+            && (is_told_from(&self.train, none)
+                || !is_told_from(&self.train, self.joint.values[size])
+                || is_open())
     }
 
     /// By how much the held-out records' chi-square is above that of another model.
