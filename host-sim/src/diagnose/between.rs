@@ -56,9 +56,13 @@ impl Jumping {
     /// What the declared faults alone cost in it, in place of effects in another reading.
     pub(super) fn rival(&self, case: &Case<'_>) -> Option<Rival> {
         let Timed { model, .. } = &self.alone;
-        let scale = model.scale();
-        let leaves_noise = model.leaves_noise(&self.alone.case(case));
-        Some(Rival { scale, cost: model.cost(scale) + self.alone.price()?, leaves_noise })
+        let (scale, price) = (model.scale(), self.alone.price()?);
+        Some(Rival {
+            scale,
+            cost: model.cost(scale) + price,
+            cost_of_fitted: model.cost_of_fitted(scale) + price,
+            leaves_noise: model.leaves_noise(&self.alone.case(case)),
+        })
     }
 
     /// Diagnoses the case in it, if that explains more than the model that was found without it.
@@ -79,9 +83,11 @@ impl Jumping {
             let in_it = if is_in_it { Cow::Borrowed(model) } else { Cow::Owned(model.refitted(&there)) };
             jumps.at_best_for(&in_it, &there).share_of(model) >= GROWING_SHARE
         };
-        let is_beaten = self.rival(case).is_some_and(|rival| rival.beats(found));
+        let rival = self.rival(case);
         let is_worth_timing = |model: &&Hypothesis| {
-            !model.added.is_empty() && !is_beaten && (!without.is_unexplained() || may_explain(model, false))
+            !model.added.is_empty()
+                && !rival.is_some_and(|rival| rival.beats_throughout(model))
+                && (!without.is_unexplained() || may_explain(model, false))
         };
         let models = iter::once(found).chain(asked).filter(is_worth_timing);
         curved.progress.begin("timing the jumps beside what was found", [0.0, 0.3]);
@@ -100,13 +106,17 @@ impl Jumping {
         if gain <= TOLD_APART || explains_little {
             return Between::No;
         }
+        let cheaper_beside = |model: &Hypothesis, least: f64| {
+            let timed = beside(model);
+            cost(&timed).filter(|cost| *cost < least).map(|cost| (cost, timed))
+        };
         // Times that were fitted beside too little ask for effects that make up for it.
         for _ in 1..MOST_TIMED {
             let next = sketched(&best.case(curved), settings);
-            let is_new = !next.added.is_empty() && !next.same_effects(&best.model);
-            let next = is_new.then(|| beside(&next));
-            let better = next.and_then(|next| Some((cost(&next)?, next))).filter(|(cost, _)| *cost < least);
-            let Some(better) = better.filter(|_| !curved.is_over()) else { break };
+            if curved.is_over() || next.added.is_empty() || next.same_effects(&best.model) {
+                break;
+            }
+            let Some(better) = cheaper_beside(&next, least) else { break };
             (least, best) = better;
         }
         let mut turn = 1;
@@ -117,9 +127,7 @@ impl Jumping {
                 && next.rig.has_sticking_spool() == best.model.rig.has_sticking_spool();
             let is_last = turn == MOST_TIMED || is_same || curved.is_over();
             let is_open = !is_last && (!answer.is_unexplained() || may_explain(next, true));
-            let next = is_open.then(|| beside(next));
-            let better = next.and_then(|next| Some((cost(&next)?, next))).filter(|(cost, _)| *cost < least);
-            let Some(better) = better else {
+            let Some(better) = is_open.then(|| cheaper_beside(next, least)).flatten() else {
                 let jumps = Some(best.jumps.times(records));
                 return Between::Found(Box::new(Diagnosis { jumps, ..answer.diagnosis }));
             };

@@ -19,6 +19,7 @@ use std::sync::OnceLock;
 
 /// Share of the misfit beyond noise that effects must take away to be named although something else is left.
 const NAMING_SHARE: f64 = 0.99;
+
 /// What a model is made of, and how it fits.
 #[derive(Clone)]
 pub(super) struct Hypothesis {

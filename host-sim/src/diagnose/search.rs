@@ -68,18 +68,28 @@ const MINOR: f64 = 0.5;
 pub(super) struct Rival {
     /// Mean square, in units of the noise, of what it leaves; at least 1.
     pub(super) scale: f64,
-    /// What it costs in units of that.
+    /// What it costs in units of that, and what it costs by the fitted records alone.
     pub(super) cost: f64,
+    pub(super) cost_of_fitted: f64,
     /// Is what it leaves noise?
     pub(super) leaves_noise: bool,
 }
 
 impl Rival {
-    /// Do the records speak for it against a model, and does it leave noise, or far less than the model does? Otherwise a
-    /// model that is grown may yet be better.
-    pub(super) fn beats(&self, model: &Hypothesis) -> bool {
-        let is_major = self.leaves_noise || self.scale - 1.0 < MINOR * (model.scale() - 1.0);
-        is_major && model.cost(self.scale) > self.cost + TOLD_APART
+    /// Do all records speak for it against a model, and does it leave noise, or far less than the model does?
+    fn beats(&self, model: &Hypothesis) -> bool {
+        let is_far_better = self.scale - 1.0 < MINOR * (model.scale() - 1.0);
+        model.cost(self.scale) > self.cost + TOLD_APART && (self.leaves_noise || is_far_better)
+    }
+
+    /// Do the fitted records alone speak for it?
+    fn beats_of_fitted(&self, model: &Hypothesis) -> bool {
+        model.cost_of_fitted(self.scale) > self.cost_of_fitted + TOLD_APART
+    }
+
+    /// Do all records speak for it against a model, and the fitted ones as well?
+    pub(super) fn beats_throughout(&self, model: &Hypothesis) -> bool {
+        self.beats(model) && self.beats_of_fitted(model)
     }
 }
 
@@ -225,9 +235,15 @@ impl Growth<'_> {
         singles.into_iter().take(BEAM).cloned().collect()
     }
 
-    /// Is there an explanation that is cheaper than all that was tried?
+    /// Is there an explanation that all records like better than all that was tried? What the fitted ones ask for is looked
+    /// for as long as that leaves more than noise of them, if they do not like it better too.
     fn is_beaten(&self) -> bool {
-        self.case.rival.is_some_and(|rival| self.tried.iter().all(|known| rival.beats(known)))
+        self.case.rival.is_some_and(|rival| {
+            let settled = |asked: &Hypothesis| {
+                rival.leaves_noise || within_noise(&asked.train.misfit) || rival.beats_of_fitted(asked)
+            };
+            self.tried.iter().all(|known| rival.beats(known)) && asked(&self.tried).is_none_or(settled)
+        })
     }
 
     /// Does something that was tried leave noise, of effects that earn their place, is another explanation cheaper, or is
