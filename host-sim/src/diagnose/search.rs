@@ -60,9 +60,6 @@ fn cheapest<'a>(models: impl Iterator<Item = &'a Hypothesis> + Clone) -> Option<
     models.min_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)))
 }
 
-/// Share of the misfit beyond noise that an explanation must leave at most of what another one leaves to take its place.
-const MINOR: f64 = 0.5;
-
 /// An explanation of the records that is known before a search.
 #[derive(Clone, Copy)]
 pub(super) struct Rival {
@@ -76,10 +73,10 @@ pub(super) struct Rival {
 }
 
 impl Rival {
-    /// Do all records speak for it against a model, and does it leave noise, or far less than the model does?
+    /// Do all records speak for it against a model, and does it leave noise, or enough less than the model to be grown?
     fn beats(&self, model: &Hypothesis) -> bool {
-        let is_far_better = self.scale - 1.0 < MINOR * (model.scale() - 1.0);
-        model.cost(self.scale) > self.cost + TOLD_APART && (self.leaves_noise || is_far_better)
+        let is_grown = self.scale - 1.0 < (1.0 - GROWING_SHARE) * (model.scale() - 1.0);
+        model.cost(self.scale) > self.cost + TOLD_APART && (self.leaves_noise || is_grown)
     }
 
     /// Do the fitted records alone speak for it?
