@@ -11,6 +11,7 @@ pub mod exact;
 mod guards;
 mod ladder;
 pub mod midpoint;
+pub mod observed;
 
 use crate::model::Model;
 use crate::model::corridor::{Corridor, Detour, Passage, Passing, WATCHED, Watched};

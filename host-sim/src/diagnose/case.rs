@@ -42,7 +42,7 @@ pub struct Case<'a> {
     /// Is it searched from afar where nothing else explains the records? Once, in the likeliest reading: what that finds is
     /// taken on to the others.
     pub(super) searches_from_afar: bool,
-    /// Most that is spent on the search, s of one core as [`Prepared::spent_s`] counts them: what is begun then is ended.
+    /// Most that is spent on the search, s of one core as [`fit::spent_s`] counts them: what is begun then is ended.
     pub(super) effort_s: f64,
     /// Whether that was not enough.
     pub(super) cut: Option<&'a AtomicBool>,
@@ -109,7 +109,7 @@ impl<'a> Case<'a> {
     /// Is the search to end, because the user wants it to or its effort is used up? For what is done by one thread: what
     /// others spend meanwhile differs from run to run.
     pub(super) fn is_over(&self) -> bool {
-        let is_used_up = self.records.iter().map(Prepared::spent_s).sum::<f64>() > self.effort_s;
+        let is_used_up = fit::spent_s(self.records) > self.effort_s;
         if let Some(cut) = self.cut.filter(|_| is_used_up) {
             cut.store(true, Ordering::Relaxed);
         }

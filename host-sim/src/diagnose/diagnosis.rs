@@ -129,9 +129,9 @@ impl Diagnosis {
         format!("{}{so_far}", self.verdict.name())
     }
 
-    /// What the search took, s of one core: see [`Prepared::spent_s`].
+    /// What the search took, s of one core: see [`fit::spent_s`].
     pub fn effort_s(&self) -> f64 {
-        self.records.iter().map(Prepared::spent_s).sum()
+        fit::spent_s(&self.records)
     }
 
     /// Which values those after an effect was added are, for a person.

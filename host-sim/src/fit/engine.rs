@@ -1,6 +1,6 @@
 //! Which integrator a fit needs, and the buffers for it.
 
-use super::effort::Counting;
+use super::effort::Steps;
 use super::{MAX_FREE, Prepared};
 use crate::rig::{Range, Rig};
 use eha_monitor::fit::problem::{Free, Offset, Problem, Record};
@@ -8,6 +8,7 @@ use eha_monitor::fit::walk::Walk;
 use eha_monitor::integrate::Stepper;
 use eha_monitor::integrate::collocation::Collocation;
 use eha_monitor::integrate::exact::{Exact, FINE};
+use eha_monitor::integrate::observed::Observed;
 use eha_monitor::model::state::{BASE_ORDER, FULL_ORDER, Outputs};
 
 /// Distance of the ram, m, that a curved step may err by in a fit: some 0.01 um over a simulation.
@@ -106,10 +107,12 @@ impl<J: Job> Work<'_, J> {
     /// Does it with an integrator that takes so many ns for a step on the machine that this was measured on: one for the
     /// model and one for each of its neighbours in a finish.
     fn with<S: Stepper<f64>>(self, step_ns: u64, make: impl Fn() -> S) -> J::Output {
-        let mut steppers: Vec<_> = (0..=self.problem.free.len()).map(|_| Counting::of(make())).collect();
+        let counted = |_| Observed::new(make(), Steps::default());
+        let mut steppers: Vec<_> = (0..=self.problem.free.len()).map(counted).collect();
         let output = self.job.run(self.problem, &mut steppers);
         if let Some(record) = self.records.first() {
-            record.effort.add(step_ns * steppers.iter().map(Counting::steps).sum::<u64>());
+            let steps: u64 = steppers.iter().map(|stepper| stepper.observer.count()).sum();
+            record.effort.add(step_ns * steps);
         }
         output
     }

@@ -75,12 +75,6 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// What was spent on it and on all that was made of it, s of one core of the machine that steps were timed on: they are
-    /// counted, so that it is the same on every other one.
-    pub fn spent_s(&self) -> f64 {
-        self.effort.spent_s()
-    }
-
     /// The view that the core fits.
     pub fn as_core(&self) -> CoreRecord<'_, f64> {
         CoreRecord {

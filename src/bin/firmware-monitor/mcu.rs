@@ -41,7 +41,7 @@ const RULE: Rule = STEPS;
 #[cfg(feature = "negative-control-ram")]
 type Rule = roomy::Roomy<Steps>;
 #[cfg(feature = "negative-control-ram")]
-const RULE: Rule = Rule::new(STEPS);
+const RULE: Rule = Rule::new(STEPS, roomy::Room::NEW);
 
 #[cortex_m_rt::entry]
 fn start() -> ! {
