@@ -32,6 +32,9 @@ pub(super) struct Jumping {
     jumps: Jumps,
     /// Their times beside the declared faults alone.
     alone: Timed,
+    /// What the declared faults alone cost with these, in place of effects in another reading; none where the records do
+    /// not tell the times.
+    pub(super) rival: Option<Rival>,
 }
 
 impl Jumping {
@@ -50,24 +53,19 @@ impl Jumping {
         let curved = Case { rig: &reading.rig, records: &reading.records, ..case.part([0.0, 1.0], JUMPING) };
         curved.progress.begin("timing the jumps", [0.0, 1.0]);
         let alone = jumps.timed(&curved, |case| Declared::of(case, settings).root, moved);
-        Some(Self { reading, jumps, alone })
-    }
-
-    /// What the declared faults alone cost in it, in place of effects in another reading.
-    pub(super) fn rival(&self, case: &Case<'_>) -> Option<Rival> {
-        let Timed { model, .. } = &self.alone;
-        let (scale, price) = (model.scale(), self.alone.price()?);
-        Some(Rival {
+        let scale = alone.model.scale();
+        let rival = alone.price().map(|price| Rival {
             scale,
-            cost: model.cost(scale) + price,
-            cost_of_fitted: model.cost_of_fitted(scale) + price,
-            leaves_noise: model.leaves_noise(&self.alone.case(case)),
-        })
+            cost: alone.model.cost(scale) + price,
+            cost_of_fitted: alone.model.cost_of_fitted(scale) + price,
+            leaves_noise: alone.model.leaves_noise(&alone.case(case)),
+        });
+        Some(Self { reading, jumps, alone, rival })
     }
 
     /// Diagnoses the case in it, if that explains more than the model that was found without it.
     pub(super) fn diagnose(self, case: &Case<'_>, without: &Answer, settings: &FitSettings) -> Between {
-        let Self { reading: Reading { rig, records }, jumps, alone } = &self;
+        let Self { reading: Reading { rig, records }, jumps, alone, rival } = &self;
         let curved = &Case { rig, records, ..case.part([0.0, 1.0], JUMPING) };
         let beside = |model: &Hypothesis| {
             let rig = rig.with_spool_of(&model.rig);
@@ -83,7 +81,6 @@ impl Jumping {
             let in_it = if is_in_it { Cow::Borrowed(model) } else { Cow::Owned(model.refitted(&there)) };
             jumps.at_best_for(&in_it, &there).share_of(model) >= GROWING_SHARE
         };
-        let rival = self.rival(case);
         let is_worth_timing = |model: &&Hypothesis| {
             !model.added.is_empty()
                 && !rival.is_some_and(|rival| rival.beats_throughout(model))

@@ -78,7 +78,7 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Di
 /// answer.
 fn in_each_way(case: &Case<'_>, settings: &FitSettings) -> Diagnosis {
     let jumping = Jumping::of(&case.part([0.0, TIMING], ""), settings);
-    let rival = jumping.as_ref().and_then(|jumping| jumping.rival(case));
+    let rival = jumping.as_ref().and_then(|jumping| jumping.rival);
     let timed_first = if jumping.is_some() { TIMING } else { 0.0 };
     let answer = diagnose_in_noise(&Case { rival, ..case.part([timed_first, 0.7], "") }, settings);
     if case.is_over() {

@@ -146,15 +146,12 @@ pub(super) fn ringing(rough: &Candidate, rig: &Rig, records: &[Prepared]) -> Vec
     valleys(&costs, f64::INFINITY).into_iter().map(place).collect()
 }
 
-/// An effect that is absent from a rig, free up to the largest sizes at which it is looked for.
-pub(super) fn absent(effect: &EffectInfo, rig: &Rig) -> Place {
-    let here = |&parameter: &Parameter| rig.parameters.get(parameter);
-    let values: Vec<f64> = effect.parameters.iter().map(here).collect();
-    let widths = values.iter().zip(effect.sizes);
-    let ranges = effect.parameters.iter().zip(widths);
-    let ranges =
-        ranges.map(|(&parameter, (&value, size))| Range::around(parameter, value, LARGEST * size)).collect();
-    Place { ranges, values }
+/// The ranges around an effect of a rig up to the largest sizes at which it is looked for.
+pub(super) fn widest(effect: &EffectInfo, rig: &Rig) -> Vec<Range> {
+    let around = |(&parameter, size): (&Parameter, f64)| {
+        Range::around(parameter, rig.parameters.get(parameter), LARGEST * size)
+    };
+    effect.parameters.iter().zip(effect.sizes.iter().copied()).map(around).collect()
 }
 
 /// The ranges in which an effect of a rig is searched where no slope leads to it, the widest first.

@@ -83,18 +83,18 @@ impl Hypothesis {
 
     /// The valley of the declared faults with an effect beside them; none where they do not trade with it, or it takes long.
     fn trade(&self, case: &Case<'_>, effect: &'static EffectInfo) -> Option<Trade> {
-        let mut rig = self.rig.clone();
-        rig.effects.push(effect);
-        let Place { ranges, values } = Place::of(&rig, &self.ranges).with(&place::absent(effect, &rig));
-        if !fit::is_affine(&rig, &ranges) {
+        let rig = &self.rig;
+        let ranges = [&self.ranges[..], &place::widest(effect, rig)].concat();
+        let Place { ranges, values } = Place::of(rig, &ranges);
+        if !fit::is_affine(rig, &ranges) {
             return None;
         }
-        let foreseen = fit::foresee(&rig, &ranges, &values, case.train())?;
+        let foreseen = fit::foresee(rig, &ranges, &values, case.train())?;
         if !self.widens(case, &foreseen, TRADES) {
             return None;
         }
-        let fit = fit::polish(&rig, &ranges, &values, case.train())?;
-        let valley = Valley::around(&rig, &ranges, &fit, case.train(), case.rig.faults.len());
+        let fit = fit::polish(rig, &ranges, &values, case.train())?;
+        let valley = Valley::around(rig, &ranges, &fit, case.train(), case.rig.faults.len());
         let candidate = Candidate { effect, ranges, fit: valley.bottom.clone() };
         Some(Trade { candidate, valley })
     }
