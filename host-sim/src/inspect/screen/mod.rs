@@ -205,8 +205,12 @@ fn of_sensor(
 /// sensors would not: a frame that came twice. Where they are more than one in twenty and no slow sensors, they are what
 /// the record is like.
 fn repeated_rows(record: &Record) -> Vec<usize> {
-    let sensors = || record.channels().filter(|(channel, _)| channel.info().role == ChannelRole::Measured);
-    let by_chance: f64 = sensors().map(|(_, values)| chance_of_repeat(values)).product();
+    let sensors = || {
+        let all = iter::zip(Channel::MEASURED, fit::MODEL_ERROR);
+        all.filter_map(|(channel, model_error)| Some((record.channel(channel)?, model_error)))
+    };
+    let by_chance: f64 =
+        sensors().map(|(values, model_error)| chance_of_repeat(values, model_error)).product();
     let is_noise_alive = record.len() as f64 * by_chance < FEW;
     let command = record.channel(Channel::Command).unwrap_or_default();
     let moves = |row: usize| row > 0 && row < command.len() && command[row] != command[row - 1];
@@ -222,7 +226,7 @@ fn repeated_rows(record: &Record) -> Vec<usize> {
         row = end + 1;
     }
     let is_few = found.len() as f64 <= MOST * record.len() as f64;
-    if is_few || sensors().all(|(_, values)| held(values).is_some()) { found } else { Vec::new() }
+    if is_few || sensors().all(|(values, _)| held(values).is_some()) { found } else { Vec::new() }
 }
 
 /// A record whose samples have been looked at.
@@ -449,6 +453,25 @@ mod tests {
             .fold(0.0, f64::max);
         assert!(off < 3.0 * bend, "{off}");
         assert!(slow.missing_count(Channel::UserPosition) >= 1000);
+    }
+
+    #[test]
+    fn the_rest_before_a_step_is_no_repeated_row() {
+        let (rig, record) = flown("mixed-step", 0.0);
+        let standing =
+            record.channel(Channel::Command).unwrap().iter().take_while(|&&command| command == 0.0).count();
+        assert!(standing > 5, "{standing}");
+        // What the last digits of a program do wherever the ram moves.
+        let trembling = changed(&record, Channel::RamPosition, |values| {
+            for (value, digits) in
+                values.iter_mut().zip((1_u32..).map(|sample| sample.wrapping_mul(2_654_435_761)))
+            {
+                if *value != 0.0 {
+                    *value += 1e-9 * f64::from(digits) / f64::from(u32::MAX);
+                }
+            }
+        });
+        assert_eq!(screen(&rig, &trembling).notes, [""; 0]);
     }
 
     #[test]

@@ -104,10 +104,11 @@ fn rounding(values: &[f64]) -> f64 {
     ROUNDING * values.iter().fold(0.0, |most: f64, value| most.max(value.abs()))
 }
 
-/// Chance of a sample of a channel to be the one before it, digit by digit, at rest: 1 where noise does not tell.
-pub(super) fn chance_of_repeat(values: &[f64]) -> f64 {
+/// Chance of a sample of a channel to be the one before it, digit by digit, at rest: 1 where noise does not tell, such as
+/// what a program's steps make of a motion, which is far below what a model is wrong by.
+pub(super) fn chance_of_repeat(values: &[f64], model_error: f64) -> f64 {
     let quantum = fit::quantum(values);
-    if !is_noisy(values, quantum) {
+    if !is_noisy(values, quantum.max(model_error)) {
         return 1.0;
     }
     // The difference of two is normal, its density at 0 is 1 / sqrt(4 pi) of the noise.
