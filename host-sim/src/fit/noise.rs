@@ -32,6 +32,11 @@ const SELDOM: usize = 20;
 /// What fourth differences make of white noise: `sqrt(1 + 16 + 36 + 16 + 1)`.
 const OF_FIVE: f64 = 8.366_600_265_340_756;
 
+/// Part of the magnitudes of a noise, the smallest, that steps and reversals are not among, and their root mean square in
+/// standard deviations of all of it.
+const USUAL: f64 = 0.98;
+const RMS_OF_USUAL: f64 = 0.934_6;
+
 /// Step of a series, in standard deviations of all of its noise, from which on that does not hide it: white noise of a
 /// quarter of a step.
 pub const COARSE: f64 = 2.6;
@@ -112,16 +117,25 @@ pub fn present(values: &[f64]) -> Vec<f64> {
 }
 
 /// Standard deviation of the white part of a series from its fourth differences alone, those of values that are
-/// multiples of a quantum (0: of any). Where that is coarse, a motion makes patterns of them that their middle one does
-/// not stand for: their mean square is it then, unless a few large ones make it.
+/// multiples of a quantum (0: of any). Where that is larger than the noise, a rest or a slow motion makes patterns of them:
+/// those are looked at then over which the motion goes on by two steps, where it does so at one in ten.
 fn spread(values: &[f64], quantum: f64) -> f64 {
     let mut differences: Vec<f64> = fourth_differences(values).collect();
     if differences.is_empty() {
         return 0.0;
     }
+    let of_all = rms(differences.iter().copied()) / OF_FIVE;
+    if quantum > of_all {
+        let moves = |w: &&[f64]| (w[4] - w[0]).abs() > 1.5 * quantum;
+        let mut moving: Vec<f64> = values.windows(5).filter(moves).flat_map(fourth_differences).collect();
+        if 10 * moving.len() > differences.len() {
+            moving.sort_by(f64::total_cmp);
+            let usual = (USUAL * moving.len() as f64) as usize;
+            return rms(moving.drain(..usual)) / RMS_OF_USUAL / OF_FIVE;
+        }
+    }
     differences.sort_by(f64::total_cmp);
     let of_most = median(&differences, quantum) / 0.674_489_75 / OF_FIVE;
-    let of_all = rms(differences.into_iter()) / OF_FIVE;
     if quantum > COARSE * of_all { of_most.min(of_all) } else { of_most }
 }
 
@@ -312,6 +326,20 @@ mod tests {
         }
         // The second is the control: the middle difference alone, as if there were no quantum.
         assert!(worst[0] < 0.05 && worst[1] > 0.08, "{worst:?}");
+    }
+
+    #[test]
+    fn where_a_motion_crosses_coarse_steps_they_show_the_noise() {
+        let rest_and_sweep = |t: f64| if t < 1.0 { 0.0 } else { 4e-3 * (6.0 * (t - 1.0).powi(2)).sin() };
+        for sigma in [1e-6, 2e-6, 5e-6] {
+            let fine = noisy(4000, sigma, rest_and_sweep);
+            for quantum in [2.0, 3.5, 5.0, 8.0].map(|steps| steps * sigma) {
+                let values: Vec<f64> = fine.iter().map(|x| (x / quantum).round() * quantum).collect();
+                let truth = (sigma.powi(2) + quantum.powi(2) / 12.0).sqrt();
+                let found = noise_of_series(&values);
+                assert!((found / truth - 1.0).abs() < 0.1, "{quantum} {sigma}: {found} {truth}");
+            }
+        }
     }
 
     #[test]
