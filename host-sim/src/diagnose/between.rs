@@ -4,9 +4,9 @@ use super::case::Case;
 use super::diagnosis::Diagnosis;
 use super::hypothesis::{self, Hypothesis};
 use super::jumps::{Jumps, Timed};
-use super::readings::{Answer, Declared, diagnose_in_noise, sketched};
+use super::readings::{Answer, Declared, diagnose_in_noise};
 use super::search::{GROWING_SHARE, Rival};
-use crate::fit::{self, Estimate, FitSettings, Reading, TOLD_APART};
+use crate::fit::{self, Estimate, FitSettings, Prepared, Reading, TOLD_APART};
 use crate::rig::CommandPath;
 use std::borrow::Cow;
 use std::iter;
@@ -30,10 +30,10 @@ pub(super) enum Between {
 pub(super) struct Jumping {
     reading: Reading,
     jumps: Jumps,
-    /// Their times beside the declared faults alone.
-    alone: Timed,
-    /// What the declared faults alone cost with these, in place of effects in another reading; none where the records do
-    /// not tell the times.
+    /// Their times beside the declared faults alone, or beside what those records ask for whose commands do not jump.
+    first: Timed,
+    /// What that model costs with these, in place of effects in another reading; none where the records do not tell the
+    /// times.
     pub(super) rival: Option<Rival>,
 }
 
@@ -52,26 +52,31 @@ impl Jumping {
         };
         let curved = Case { rig: &reading.rig, records: &reading.records, ..case.part([0.0, 1.0], JUMPING) };
         curved.progress.begin("timing the jumps", [0.0, 1.0]);
-        let alone = jumps.timed(&curved, |case| Declared::of(case, settings).root, moved);
-        let scale = alone.model.scale();
-        let rival = alone.price().map(|price| Rival {
+        let mut first = jumps.timed(&curved, |case| Declared::of(case, settings).root, moved);
+        if !first.model.leaves_noise(&first.case(case))
+            && let Some(asked) = asked_by_calm(&curved, settings)
+        {
+            let beside = jumps.beside(&asked, &curved);
+            let scale = first.model.scale().min(beside.model.scale());
+            if beside.cost(scale).zip(first.cost(scale)).is_some_and(|(beside, alone)| beside < alone) {
+                first = beside;
+            }
+        }
+        let scale = first.model.scale();
+        let rival = first.price().map(|price| Rival {
             scale,
-            cost: alone.model.cost(scale) + price,
-            cost_of_fitted: alone.model.cost_of_fitted(scale) + price,
-            leaves_noise: alone.model.leaves_noise(&alone.case(case)),
+            cost: first.model.cost(scale) + price,
+            cost_of_fitted: first.model.cost_of_fitted(scale) + price,
+            leaves_noise: first.model.leaves_noise(&first.case(case)),
         });
-        Some(Self { reading, jumps, alone, rival })
+        Some(Self { reading, jumps, first, rival })
     }
 
     /// Diagnoses the case in it, if that explains more than the model that was found without it.
     pub(super) fn diagnose(self, case: &Case<'_>, without: &Answer, settings: &FitSettings) -> Between {
-        let Self { reading: Reading { rig, records }, jumps, alone, rival } = &self;
+        let Self { reading: Reading { rig, records }, jumps, first, rival } = &self;
         let curved = &Case { rig, records, ..case.part([0.0, 1.0], JUMPING) };
-        let beside = |model: &Hypothesis| {
-            let rig = rig.with_spool_of(&model.rig);
-            let moved = |case: &Case<'_>| model.refitted(case);
-            jumps.timed(&curved.under(&rig), moved, |_, case| moved(case))
-        };
+        let beside = |model: &Hypothesis| jumps.beside(model, curved);
         let found = &without.model;
         let asked = Some(without.to_be_timed()).filter(|asked| !asked.same_effects(found));
         // Where nothing explains the records, and no times of the jumps take away much of that, they are not what is missing.
@@ -88,10 +93,9 @@ impl Jumping {
         };
         let models = iter::once(found).chain(asked).filter(is_worth_timing);
         curved.progress.begin("timing the jumps beside what was found", [0.0, 0.3]);
-        let timed: Vec<Timed> = iter::once(alone.clone()).chain(models.map(beside)).collect();
+        let timed: Vec<Timed> = iter::once(first.clone()).chain(models.map(beside)).collect();
         let scale = timed.iter().map(|timed| timed.model.scale()).fold(found.scale(), f64::min);
-        let cost = |timed: &Timed| Some(timed.model.cost(scale) + timed.price()?);
-        let best = timed.into_iter().filter_map(|timed| Some((cost(&timed)?, timed)));
+        let best = timed.into_iter().filter_map(|timed| Some((timed.cost(scale)?, timed)));
         let Some((mut least, mut best)) = best.min_by(|(a, _), (b, _)| a.total_cmp(b)) else {
             return Between::No;
         };
@@ -105,11 +109,11 @@ impl Jumping {
         }
         let cheaper_beside = |model: &Hypothesis, least: f64| {
             let timed = beside(model);
-            cost(&timed).filter(|cost| *cost < least).map(|cost| (cost, timed))
+            timed.cost(scale).filter(|cost| *cost < least).map(|cost| (cost, timed))
         };
         // Times that were fitted beside too little ask for effects that make up for it.
         for _ in 1..MOST_TIMED {
-            let next = sketched(&best.case(curved), settings);
+            let next = Declared::of(&best.case(curved), settings).sketched(&best.case(curved));
             if curved.is_over() || next.added.is_empty() || next.same_effects(&best.model) {
                 break;
             }
@@ -132,4 +136,19 @@ impl Jumping {
             turn += 1;
         }
     }
+}
+
+/// What those of the fitted records ask for whose commands do not jump, where not all do and the declared faults alone do not
+/// explain them: that cannot be the doing of a jump.
+fn asked_by_calm(case: &Case<'_>, settings: &FitSettings) -> Option<Hypothesis> {
+    let is_calm = |record: &&Prepared| record.jumps().is_empty();
+    let calm: Vec<Prepared> = case.records.iter().filter(is_calm).cloned().collect();
+    let fitted = case.train().iter().filter(is_calm).count();
+    if fitted == 0 || fitted == case.fitted {
+        return None;
+    }
+    let calm = Case { records: &calm, fitted, ..*case };
+    let declared = Declared::of(&calm, settings);
+    let asked = (!declared.root.leaves_noise(&calm)).then(|| declared.sketched(&calm))?;
+    (!asked.added.is_empty()).then_some(asked)
 }

@@ -5,7 +5,7 @@ use super::jumps::Timed;
 use super::progress::Progress;
 use super::residual::{self, MEASURED};
 use super::search::Rival;
-use crate::fit::{self, Prepared};
+use crate::fit::{self, Prepared, Steps};
 use crate::interrupt;
 use crate::rig::Rig;
 use eha_monitor::channel::Channel;
@@ -33,8 +33,10 @@ pub struct Case<'a> {
     /// Channels whose noise the rig states.
     pub known_noise: [Option<f64>; MEASURED],
     /// What a prediction of each channel may be off without anything being missing: the model's own error, and what is
-    /// lost to the steps in which the commands were recorded and the sensors are read.
+    /// lost to the steps in which the commands were recorded.
     pub model_error: [f64; MEASURED],
+    /// The steps in which the sensor of each channel is read, where they are larger than that.
+    pub steps: [Option<Steps>; MEASURED],
     /// The jumps of their commands, and the model beside which their times were fitted, where they were.
     pub(super) timed: Option<&'a Timed>,
     /// An explanation of the records that is known already, where one is: models that cost more are not grown.
@@ -79,11 +81,13 @@ impl<'a> Case<'a> {
     pub fn new(rig: &'a Rig, records: &'a [Prepared], fitted: usize) -> Self {
         let error = |channel: usize| {
             let lost = records.iter().map(|record| record.lost[channel]).fold(0.0, f64::max);
-            // The sensor is the same in all of them: the one that shows most of its noise tells what that leaves of its
-            // steps. One in which it rests on a step shows none.
-            let by_steps = records.iter().map(|record| record.off_by_steps[channel]);
-            let by_steps = by_steps.filter(|&off| off > 0.0).reduce(f64::min).unwrap_or(0.0);
-            fit::MODEL_ERROR[channel].hypot(lost).hypot(by_steps)
+            fit::MODEL_ERROR[channel].hypot(lost)
+        };
+        // The sensor is the same in all of them: the one that shows most of its noise tells what that leaves of its steps.
+        // One in which it rests on a step shows none.
+        let steps = |channel: usize| {
+            let all = records.iter().filter_map(|record| record.steps[channel]);
+            all.min_by(|one, other| one.error.total_cmp(&other.error))
         };
         Self {
             rig,
@@ -91,6 +95,7 @@ impl<'a> Case<'a> {
             fitted,
             known_noise: Channel::MEASURED.map(|channel| rig.noise_of(channel)),
             model_error: std::array::from_fn(error),
+            steps: std::array::from_fn(steps),
             timed: None,
             rival: None,
             searches_from_afar: true,
@@ -161,7 +166,9 @@ impl<'a> Case<'a> {
         let residuals = residual::of_channels(records, predictions);
         residuals.iter().enumerate().all(|(channel, residual)| {
             residual.is_none_or(|residual| {
-                residual.is_noise(self.model_error[channel], self.known_noise[channel], RESIDUAL_LIMIT)
+                let by_steps = self.steps[channel].map_or(0.0, |steps| steps.error);
+                let error = self.model_error[channel].hypot(by_steps);
+                residual.is_noise(error, self.known_noise[channel], RESIDUAL_LIMIT)
             })
         })
     }

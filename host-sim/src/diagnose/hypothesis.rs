@@ -297,6 +297,11 @@ impl Hypothesis {
         self.joint.applied(&self.rig, &self.ranges)
     }
 
+    /// The model with the values that the fitted records have, for all of them.
+    pub(super) fn as_fitted_have_it(&self) -> Self {
+        Self { joint: self.train.clone(), ..self.clone() }
+    }
+
     /// The model with the values that all records have.
     pub(super) fn as_all_have_it(&self) -> Self {
         Self {

@@ -9,6 +9,7 @@ use super::hypothesis::{self, Hypothesis};
 use super::residual;
 use crate::fit::{self, Polished, Prepared};
 use crate::rig::{self, Rig};
+use eha_monitor::fit::identify::within_noise;
 use eha_monitor::model::state::Outputs;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -102,6 +103,12 @@ impl Timed {
     /// The case that is left: with the times known, and the model.
     pub(super) fn case<'a>(&'a self, case: &Case<'a>) -> Case<'a> {
         Case { records: &self.records, timed: Some(self), ..*case }
+    }
+
+    /// What the model costs, in units of what is left, and the times beside it; none where the records do not tell what is
+    /// free.
+    pub(super) fn cost(&self, scale: f64) -> Option<f64> {
+        Some(self.model.cost(scale) + self.price()?)
     }
 
     /// What the times must gain beside the model; none where the records do not tell what is free.
@@ -205,8 +212,18 @@ impl Jumps {
         looks.fold(apart(&without_answers), better).settled(case)
     }
 
-    /// A model as it is, with each jump at the place that suits it best.
+    /// Times them beside a model that was found in another reading of the records.
+    pub(super) fn beside(&self, model: &Hypothesis, case: &Case<'_>) -> Timed {
+        let rig = case.rig.with_spool_of(&model.rig);
+        let moved = |case: &Case<'_>| model.refitted(case);
+        self.timed(&case.under(&rig), moved, |_, case| moved(case))
+    }
+
+    /// A model as it is, with each jump at the place that suits it best. Where it leaves noise of the fitted records, their
+    /// values are taken: what fits the held-out ones as well makes up for the jumps.
     pub(super) fn at_best_for(&self, model: &Hypothesis, case: &Case<'_>) -> Hypothesis {
+        let of_fitted = within_noise(&model.train.misfit).then(|| model.as_fitted_have_it());
+        let model = of_fitted.as_ref().unwrap_or(model);
         let jumps = self.each_at_best_of(&self.places(), model, case);
         jumps.with(case, |case| model.taken_to(case)).model
     }
@@ -324,7 +341,7 @@ impl Jumps {
 
 #[cfg(test)]
 mod tests {
-    use super::{Cost, Jump, Jumps, KNOWN_BEFORE};
+    use super::{Case, Cost, Hypothesis, Jump, Jumps, KNOWN_BEFORE};
     use crate::fit::{self, Polished, Prepared};
     use crate::record::Record;
     use crate::rig::{CommandPath, Rig};
@@ -408,6 +425,24 @@ mod tests {
         for (answer, samples) in iter::zip(answers, [STEP..600, 600..late.len()]) {
             assert!((answer / left(samples) - 1.0).abs() < 1e-9, "{answer}");
         }
+    }
+
+    #[test]
+    fn what_explains_the_fitted_records_times_the_jumps_of_others() {
+        let (rig, record) = flown();
+        let before_the_step =
+            [(Channel::Command, record.command()), (Channel::UserPosition, record.measured(0))]
+                .map(|(channel, values)| (channel, values[..STEP].to_vec()));
+        let calm = Record::new("calm".to_owned(), PERIOD, 0.0, before_the_step.to_vec()).unwrap();
+        let records = [fit::prepare_with(&rig, &calm, NOISE), record];
+        let case = Case::new(&rig, &records, 1);
+        let start = [rig.parameters.bkl, rig.parameters.fdj];
+        let train = fit::polish(&rig, &rig.faults, &start, &records[..1]).unwrap();
+        // All records were fitted with the step at its sample, for which the friction makes up.
+        let joint = Polished { values: vec![rig.parameters.bkl, 2.0 * rig.parameters.fdj], ..train.clone() };
+        let model = Hypothesis::of(&case, rig.clone(), rig.declared(), [train, joint], Vec::new());
+        let found = Jumps::of(&records).unwrap().at_best_for(&model, &case);
+        assert!(found.joint.misfit.mean_square() < 0.1, "{:?}", found.joint.misfit);
     }
 
     #[test]

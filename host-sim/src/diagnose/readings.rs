@@ -174,13 +174,12 @@ impl Declared {
             FirstRound::of(&searched, root)
         })
     }
-}
 
-/// The best model that a short search finds for a case; see [`search::sketch`].
-pub(super) fn sketched(case: &Case<'_>, settings: &FitSettings) -> Hypothesis {
-    let declared = Declared::of(case, settings);
-    let excerpts = case.excerpts();
-    search::sketch(&case.searched(excerpts.as_deref()), declared.begun(case).clone())
+    /// The best model that a short search beside them finds; see [`search::sketch`].
+    pub(super) fn sketched(&self, case: &Case<'_>) -> Hypothesis {
+        let excerpts = case.excerpts();
+        search::sketch(&case.searched(excerpts.as_deref()), self.begun(case).clone())
+    }
 }
 
 /// Diagnoses a case whose declared faults are fitted. A model beside which the times of its jumps were fitted is one of

@@ -1,9 +1,10 @@
 //! What is left: is it noise, how coloured is it, where and when does it act?
 
-use crate::fit::{self, Prepared};
+use crate::fit::{self, Prepared, Steps};
 use eha_monitor::channel::Channel;
 use eha_monitor::model::state::Outputs;
 use nalgebra::DVector;
+use std::f64::consts::{SQRT_2, TAU};
 use std::slice;
 
 /// Channels that the model predicts.
@@ -95,6 +96,39 @@ pub fn gains(records: &[Prepared], before: &[Vec<Outputs<f64>>], after: &[Vec<Ou
         gains.extend(blocks);
     }
     gains
+}
+
+/// What the steps in which sensors are read may make of the way from one model's predictions to another's: the part of it
+/// that they err by along it.
+///
+/// What is read in steps errs by a saw tooth of the position, of which the noise leaves the first harmonic. Where it is
+/// zero is not known, only that it is in the same place for all records: it is where that errs most.
+pub fn share_of_steps(
+    records: &[Prepared],
+    steps: &[Option<Steps>; MEASURED],
+    before: &[Vec<Outputs<f64>>],
+    after: &[Vec<Outputs<f64>>],
+) -> f64 {
+    let (mut way, mut error) = (0.0, 0.0);
+    for (channel, steps) in steps.iter().enumerate() {
+        let mut phases = [0.0; 2];
+        for (record, (before, after)) in records.iter().zip(before.iter().zip(after)) {
+            let weight = record.noise[channel].powi(-2);
+            let residual = series(slice::from_ref(record), slice::from_ref(after), channel).concat();
+            let changes = fit::differences(after, before, channel).zip(after).zip(residual);
+            for ((change, after), _) in changes.filter(|(_, residual)| residual.is_finite()) {
+                way += weight * change * change;
+                if let Some(steps) = steps {
+                    let (sine, cosine) = (TAU * after.to_array()[channel] / steps.step).sin_cos();
+                    let amplitude = weight * SQRT_2 * steps.error * change;
+                    phases[0] += amplitude * sine;
+                    phases[1] += amplitude * cosine;
+                }
+            }
+        }
+        error += phases[0].hypot(phases[1]);
+    }
+    if way > 0.0 { error / way } else { 0.0 }
 }
 
 /// Tests the residual of a channel; none where no record has it. A short one is tested on as many lags as a quarter of
@@ -212,7 +246,7 @@ fn tone(residual: &[f64], period: f64) -> Option<(f64, f64)> {
     let power = |frequency: f64| {
         let (mut cosine, mut sine) = (0.0, 0.0);
         for (k, value) in residual.iter().enumerate() {
-            let (s, c) = (std::f64::consts::TAU * frequency * k as f64 * period).sin_cos();
+            let (s, c) = (TAU * frequency * k as f64 * period).sin_cos();
             cosine += value * c;
             sine += value * s;
         }
@@ -255,7 +289,7 @@ mod tests {
             assert_eq!(follows, None);
             assert!(active[0] >= 0.4 && (active[1] - active[0] - 0.8).abs() < 0.03, "{active:?}");
             let (frequency, share) = tone.unwrap();
-            assert!((frequency - 0.3e3 / std::f64::consts::TAU).abs() < 1.0 && share > 0.4, "{tone:?}");
+            assert!((frequency - 0.3e3 / TAU).abs() < 1.0 && share > 0.4, "{tone:?}");
         }
     }
 }

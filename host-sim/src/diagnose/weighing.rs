@@ -28,7 +28,7 @@ const SIZE_SIGMA: f64 = 2.0;
 /// An effect that earns its place.
 pub(super) struct Earned {
     pub(super) effect: &'static EffectInfo,
-    /// Twice the logarithm of the odds against the model without it.
+    /// Twice the logarithm of the odds against the model without it, less what the steps of sensors may have added.
     pub(super) evidence: f64,
     /// The model without it.
     pub(super) without: Hypothesis,
@@ -36,25 +36,26 @@ pub(super) struct Earned {
 
 impl Hypothesis {
     /// The effects of the model, each weighed against the model without it as far as that is known.
-    fn weighed(&self, known: &[Self]) -> Vec<Earned> {
+    fn weighed(&self, case: &Case<'_>, known: &[Self]) -> Vec<Earned> {
         let scale = self.scale();
         let weigh = |&effect: &&'static EffectInfo| {
             let without = self.known_without(effect, known)?.clone();
             let gain = (without.joint.misfit.chi_square - self.joint.misfit.chi_square) / scale;
-            Some(Earned { effect, evidence: gain - self.price(effect, scale), without })
+            let own = 1.0 - self.share_of_steps(case, &without).min(1.0);
+            Some(Earned { effect, evidence: gain * own * own - self.price(effect, scale), without })
         };
         self.added.iter().filter_map(weigh).collect()
     }
 
     /// Does every effect earn its place, as far as the model without it is known?
     pub(super) fn is_welcome(&self, case: &Case<'_>, known: &[Self]) -> bool {
-        self.weakest(case, &self.weighed(known)).is_none()
+        self.weakest(case, &self.weighed(case, known)).is_none()
     }
 
     /// Are the fitted records explained, but the held-out ones better without one of its effects?
-    pub(super) fn is_contradicted(&self, known: &[Self]) -> bool {
+    pub(super) fn is_contradicted(&self, case: &Case<'_>, known: &[Self]) -> bool {
         let is_harmful = |earned: &Earned| self.harm(&earned.without) >= HOLDOUT_CHANCE;
-        within_noise(&self.train.misfit) && self.weighed(known).iter().any(is_harmful)
+        within_noise(&self.train.misfit) && self.weighed(case, known).iter().any(is_harmful)
     }
 
     /// Drops the effects that do not earn their place beside the others, the weakest first, but those first that are
@@ -62,13 +63,13 @@ impl Hypothesis {
     /// without an effect anew from here, as it may have ended in a worse valley before.
     pub(super) fn pruned(mut self, case: &Case<'_>, known: &mut Vec<Self>) -> (Self, Vec<Earned>) {
         loop {
-            let mut earned = self.weighed(known);
+            let mut earned = self.weighed(case, known);
             if self.weakest(case, &earned).is_none() {
                 let new: Vec<Self> = self.added.par_iter().map(|effect| self.without(case, effect)).collect();
                 for new in new {
                     learn(known, new);
                 }
-                earned = self.weighed(known);
+                earned = self.weighed(case, known);
             }
             let Some(weakest) = self.weakest(case, &earned) else { return (self, earned) };
             self = if self.is_of_a_size(case, weakest.effect) {
@@ -125,6 +126,14 @@ impl Hypothesis {
             && (is_told_from(&self.train, none)
                 || !is_told_from(&self.train, self.joint.values[size])
                 || is_open())
+    }
+
+    /// What the steps in which sensors are read may make of what it predicts otherwise than another model: a part of it.
+    fn share_of_steps(&self, case: &Case<'_>, without: &Self) -> f64 {
+        if case.steps.iter().all(Option::is_none) {
+            return 0.0;
+        }
+        residual::share_of_steps(case.records, &case.steps, &without.predictions, &self.predictions)
     }
 
     /// By how much the held-out records' chi-square is above that of another model.

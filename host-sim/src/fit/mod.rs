@@ -33,7 +33,7 @@ pub use noise::{
 };
 pub use periodogram::periodograms;
 pub use polish::{Polished, approach, foresee, misfit, misfit_within, polish};
-pub use prepare::{Prepared, prepare, prepare_with};
+pub use prepare::{Prepared, Steps, prepare, prepare_with};
 pub use reading::{AsRead, Reading, curved, fit_as_read, is_command_late, speaks_for};
 pub use result::Fit;
 pub use search::{FitSettings, Standing, fit, fit_from_seeds, fit_near};

@@ -67,11 +67,19 @@ pub struct Prepared {
     /// What a prediction of each measured channel may be off, rms, in its unit, by the steps in which the command was
     /// recorded.
     pub lost: [f64; MEASURED],
-    /// What each measured channel may be off, rms, in its unit, by the steps in which its sensor is read, as far as the
-    /// noise that this record shows leaves it; 0 where they are finer than a model's own error.
-    pub off_by_steps: [f64; MEASURED],
+    /// The steps in which the sensor of each measured channel is read; none where they are finer than a model's own error.
+    pub steps: [Option<Steps>; MEASURED],
     /// What was spent on it.
     pub(super) effort: Effort,
+}
+
+/// The steps in which a sensor is read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Steps {
+    /// One of them, in the channel's unit.
+    pub step: f64,
+    /// What the channel may be off by them, rms, in its unit, as far as the noise that a record shows leaves it.
+    pub error: f64,
 }
 
 impl Prepared {
@@ -189,7 +197,8 @@ impl Prepared {
             let step = quantum(&present(&self.measured[channel]));
             if step > MODEL_ERROR[channel] {
                 let noise = (self.noise[channel].powi(2) - step * step / 12.0).max(0.0) / (step * step);
-                self.off_by_steps[channel] = step / PI * (-2.0 * PI * PI * noise).exp() / SQRT_2;
+                let error = step / PI * (-2.0 * PI * PI * noise).exp() / SQRT_2;
+                self.steps[channel] = Some(Steps { step, error });
             }
         }
         self
@@ -431,7 +440,7 @@ pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepa
         holds: rig.drive_holds,
         drive,
         lost: [0.0; MEASURED],
-        off_by_steps: [0.0; MEASURED],
+        steps: [None; MEASURED],
         effort: Effort::default(),
     };
     let mut prepared = on_lines.along(rig);

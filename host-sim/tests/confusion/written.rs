@@ -149,7 +149,40 @@ fn coarse_steps_hide_no_more_than_the_record_with_most_noise_says() {
             Vec::new(),
         )
     };
-    are_found(&[(shifted, "sensor-offset"), (clean, "nothing")]);
+    // Less than the steps err by, but not as they do.
+    let shifted_less = Case {
+        quantum: 2e-5,
+        ..case(
+            4_585_574_982_524_333_830,
+            [5.886_426_923_231_405e-5, 221.787_355_814_216_08],
+            2.165_674_447_199_596_6e-6,
+            [(chirp(4.419_767_585_830_877_5e-3), 2112), (Command::MixedStep, 2112)],
+            (Command::Mixed, 1230),
+            vec![present("sensor-offset", 2.125_674_737_305_616, true, 0.515_501_940_212_675_3)],
+        )
+    };
+    are_found(&[
+        (shifted, "sensor-offset"),
+        (shifted_less, "sensor-offset or step-load or valve-offset or constant-load or friction-asymmetry"),
+        (clean, "nothing"),
+    ]);
+}
+
+#[test]
+fn what_a_command_without_jumps_asks_for_comes_before_the_times_of_jumps() {
+    let thinning = Case {
+        quantum: 6.411_633_287_314_097e-6,
+        program: Program { later: 7.991_479_807_264_59e-5, ..other_program() },
+        ..case(
+            9_041_434_292_484_769_562,
+            [9.596_763_811_497_005e-4, 897.249_558_161_739_2],
+            1.160_155_608_437_270_2e-6,
+            [(chirp(4.913_072_190_064_345e-3), 1937), (Command::MixedStep, 1937)],
+            (Command::Mixed, 1152),
+            vec![present("shear-thinning", 9.798_239_680_980_291, true, 0.607_996_507_408_294_5)],
+        )
+    };
+    are_found(&[(thinning, "shear-thinning")]);
 }
 
 #[test]
