@@ -35,7 +35,7 @@ enum Task {
     Firmware,
     /// Make `docs/confusion.md` anew: what `diagnose` makes of every effect of the catalogue. Some twenty minutes.
     Confusion,
-    /// Make `docs/blind.md` anew: what it makes of actuators of which everything is drawn at random. Some 20 minutes.
+    /// Make `docs/blind.md` anew: what it makes of actuators of which everything is drawn at random. Some thirty minutes.
     Blind {
         /// Numbers of cases to show; the document stays as it is.
         cases: Vec<u64>,

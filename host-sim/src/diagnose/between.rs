@@ -62,13 +62,7 @@ impl Jumping {
                 first = beside;
             }
         }
-        let scale = first.model.scale();
-        let rival = first.price().map(|price| Rival {
-            scale,
-            cost: first.model.cost(scale) + price,
-            cost_of_fitted: first.model.cost_of_fitted(scale) + price,
-            leaves_noise: first.model.leaves_noise(&first.case(case)),
-        });
+        let rival = first.rival(case);
         Some(Self { reading, jumps, first, rival })
     }
 

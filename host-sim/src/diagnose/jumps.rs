@@ -7,6 +7,7 @@
 use super::Case;
 use super::hypothesis::{self, Hypothesis};
 use super::residual;
+use super::search::Rival;
 use crate::fit::{self, Polished, Prepared};
 use crate::rig::{self, Rig};
 use eha_monitor::fit::identify::within_noise;
@@ -111,8 +112,20 @@ impl Timed {
         Some(self.model.cost(scale) + self.price()?)
     }
 
+    /// The same as an explanation of the records of a case beside which others are looked for.
+    pub(super) fn rival(&self, case: &Case<'_>) -> Option<Rival> {
+        let (model, price) = (&self.model, self.price()?);
+        let scale = model.scale();
+        Some(Rival {
+            scale,
+            cost: model.cost(scale) + price,
+            cost_of_fitted: model.cost_of_fitted(scale) + price,
+            leaves_noise: model.leaves_noise(&self.case(case)),
+        })
+    }
+
     /// What the times must gain beside the model; none where the records do not tell what is free.
-    pub(super) fn price(&self) -> Option<f64> {
+    fn price(&self) -> Option<f64> {
         let Hypothesis { rig, ranges, joint, .. } = &self.model;
         self.jumps.cost(rig, ranges, joint, &self.records).map(|cost| cost.price)
     }

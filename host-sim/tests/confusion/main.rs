@@ -2,7 +2,7 @@
 //! independent plant, with the effect at half, once and twice the size from which statistics can see it.
 //!
 //! `docs/confusion.md` is the result, `docs/blind.md` that of cases of which everything is drawn at random. `cargo xtask
-//! confusion` and `cargo xtask blind` make them anew, which takes some twenty minutes each; the tests make a part of
+//! confusion` and `cargo xtask blind` make them anew, which takes some twenty and thirty minutes; the tests make a part of
 //! them and compare.
 
 #[path = "../../../tests/common/mod.rs"]
@@ -22,6 +22,8 @@ use table::Row;
 const SAMPLE: usize = 3;
 /// Drawn cases that the tests make.
 const DRAWN: usize = 3;
+/// The first of the clean ones of which all channels are measured, among the rows of the document.
+const CLEAN: usize = 5;
 
 fn document(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs").join(name)
@@ -37,7 +39,7 @@ fn write_the_table() {
 }
 
 #[test]
-#[ignore = "the drawn cases take some twenty minutes"]
+#[ignore = "the drawn cases take some thirty minutes"]
 fn write_the_drawn_cases() {
     // Numbers of cases, separated by blanks, that are to be shown in place of the document, or saved to a folder.
     let chosen = std::env::var("BLIND_CASES").unwrap_or_default();
@@ -57,8 +59,8 @@ fn a_sample_of_the_drawn_cases_is_as_documented() {
     let rows: Vec<(u64, &str)> =
         documented.lines().filter_map(|line| Some((blind::documented(line)?, line))).collect();
     assert!(rows.len() > DRAWN, "{} rows", rows.len());
-    // An odd step: the channels take turns.
-    let sample: Vec<_> = rows.iter().step_by((rows.len() / DRAWN) | 1).collect();
+    // An odd step: the channels take turns. From a clean one on: pairs, and what is outside the catalogue, take minutes.
+    let sample: Vec<_> = rows.iter().skip(CLEAN).step_by((rows.len() / DRAWN) | 1).collect();
     let indices: Vec<u64> = sample.iter().map(|(index, _)| *index).collect();
     for (made, (_, row)) in blind::lines(&indices).iter().zip(sample) {
         assert_eq!(made, row);
