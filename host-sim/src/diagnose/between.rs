@@ -5,7 +5,7 @@ use super::diagnosis::Diagnosis;
 use super::hypothesis::{self, Hypothesis};
 use super::jumps::{Jumps, Timed};
 use super::readings::{Answer, Declared, diagnose_in_noise};
-use super::search::{GROWING_SHARE, Rival};
+use super::search::{GROWING_SHARE, Rival, least_scale};
 use crate::fit::{self, Estimate, FitSettings, Prepared, Reading, TOLD_APART};
 use crate::rig::CommandPath;
 use std::borrow::Cow;
@@ -57,7 +57,7 @@ impl Jumping {
             && let Some(asked) = asked_by_calm(&curved, settings)
         {
             let beside = jumps.beside(&asked, &curved);
-            let scale = first.model.scale().min(beside.model.scale());
+            let scale = least_scale([&first.model, &beside.model].into_iter());
             if beside.cost(scale).zip(first.cost(scale)).is_some_and(|(beside, alone)| beside < alone) {
                 first = beside;
             }
@@ -88,7 +88,7 @@ impl Jumping {
         let models = iter::once(found).chain(asked).filter(is_worth_timing);
         curved.progress.begin("timing the jumps beside what was found", [0.0, 0.3]);
         let timed: Vec<Timed> = iter::once(first.clone()).chain(models.map(beside)).collect();
-        let scale = timed.iter().map(|timed| timed.model.scale()).fold(found.scale(), f64::min);
+        let scale = least_scale(timed.iter().map(|timed| &timed.model).chain([found]));
         let best = timed.into_iter().filter_map(|timed| Some((timed.cost(scale)?, timed)));
         let Some((mut least, mut best)) = best.min_by(|(a, _), (b, _)| a.total_cmp(b)) else {
             return Between::No;

@@ -54,9 +54,14 @@ impl FirstRound {
     }
 }
 
+/// Mean square, in units of the noise, of the least that any of some models leaves.
+pub(super) fn least_scale<'a>(models: impl Iterator<Item = &'a Hypothesis>) -> f64 {
+    models.map(Hypothesis::scale).fold(f64::INFINITY, f64::min)
+}
+
 /// The model of least cost, in units of the least that any of them leaves.
 fn cheapest<'a>(models: impl Iterator<Item = &'a Hypothesis> + Clone) -> Option<&'a Hypothesis> {
-    let scale = models.clone().map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
+    let scale = least_scale(models.clone());
     models.min_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)))
 }
 
@@ -199,7 +204,7 @@ impl Growth<'_> {
             return Vec::new();
         }
         let Self { case, tried } = &*self;
-        let scale = tried.iter().map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
+        let scale = least_scale(tried.iter());
         grown.sort_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)));
         let best = grown.first().map_or(f64::INFINITY, |first| first.cost(scale));
         let settled = beam.iter().all(|parent| parent.cost(scale) <= best);
@@ -303,7 +308,7 @@ impl Growth<'_> {
         }
         let case = self.case;
         let several = self.tried.iter().filter(|known| known.added.len() > 1);
-        let scale = self.tried.iter().map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
+        let scale = least_scale(self.tried.iter());
         let best = several.min_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)));
         let Some(best) = best else { return };
         case.progress.begin("looking again for what was found", [0.6, 0.65]);
@@ -417,7 +422,7 @@ impl Sound {
 
 /// The hypothesis of the lowest cost whose effects all earn their place.
 fn soundest(case: &Case<'_>, tried: &mut Vec<Hypothesis>) -> (Hypothesis, Vec<Earned>) {
-    let scale = tried.iter().map(Hypothesis::scale).fold(f64::INFINITY, f64::min);
+    let scale = least_scale(tried.iter());
     let cost = |(hypothesis, _): &(Hypothesis, Option<Vec<Earned>>)| hypothesis.cost(scale);
     let mut open: Vec<_> = tried.iter().cloned().map(|hypothesis| (hypothesis, None)).collect();
     loop {
