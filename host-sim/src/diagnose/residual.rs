@@ -292,4 +292,29 @@ mod tests {
             assert!((frequency - 0.3e3 / TAU).abs() < 1.0 && share > 0.4, "{tone:?}");
         }
     }
+
+    #[test]
+    fn steps_of_a_sensor_make_what_looks_like_them() {
+        let rig = (BUILT_IN[0].make)();
+        let position: Vec<f64> = (0..2000).map(|k| 1e-3 * (f64::from(k) * 5e-3).sin()).collect();
+        let channels = vec![(Channel::Command, position.clone()), (Channel::UserPosition, position.clone())];
+        let record = Record::new("made".to_owned(), 1e-3, 0.0, channels).unwrap();
+        let noise = [5e-6, f64::INFINITY, f64::INFINITY, f64::INFINITY];
+        let records = [fit::prepare_with(&rig, &record, noise)];
+        let shown = |user: f64| Outputs { user, ..Outputs::default() };
+        let after = vec![position.iter().map(|&user| shown(user)).collect::<Vec<_>>()];
+        let (step, error) = (2e-5, 3e-6);
+        let share_of = |change: &dyn Fn(f64) -> f64| {
+            let before = position.iter().map(|&user| shown(user - change(user))).collect();
+            share_of_steps(&records, &[Some(Steps { step, error }), None, None, None], &[before], &after)
+        };
+        // Of the saw tooth, twice as large, they make a half; the same wherever it is zero.
+        for phase in [0.0, 1.0, 2.0] {
+            let share = share_of(&|user| 2.0 * SQRT_2 * error * (TAU * user / step + phase).sin());
+            assert!((share - 0.5).abs() < 0.02, "{phase}: {share}");
+        }
+        // Of an offset as large as they err by, next to nothing.
+        let share = share_of(&|_| error);
+        assert!(share < 0.05, "{share}");
+    }
 }
