@@ -107,7 +107,8 @@ impl Jumping {
         };
         // Times that were fitted beside too little ask for effects that make up for it.
         for _ in 1..MOST_TIMED {
-            let next = Declared::of(&best.case(curved), settings).sketched(&best.case(curved));
+            let there = best.case(curved);
+            let next = Declared::of(&there, settings).sketched(&there);
             if curved.is_over() || next.added.is_empty() || next.same_effects(&best.model) {
                 break;
             }

@@ -192,7 +192,7 @@ impl Hypothesis {
     /// ones speak against that, all of them are asked; `known` is what was fitted before. Effects of which the linear model
     /// foresees little are tried as well where all are wanted.
     pub(super) fn grow(&mut self, case: &Case<'_>, known: &[Self], all_wanted: bool) -> Vec<Self> {
-        if self.is_in_doubt() || self.is_contradicted(case, known) {
+        if self.is_in_doubt() || self.is_contradicted(known) {
             let asked = self.asked_by_all(case);
             if !asked.is_empty() {
                 return asked;

@@ -109,6 +109,9 @@ pub fn share_of_steps(
     before: &[Vec<Outputs<f64>>],
     after: &[Vec<Outputs<f64>>],
 ) -> f64 {
+    if steps.iter().all(Option::is_none) {
+        return 0.0;
+    }
     let (mut way, mut error) = (0.0, 0.0);
     for (channel, steps) in steps.iter().enumerate() {
         let mut phases = [0.0; 2];

@@ -41,7 +41,9 @@ impl Hypothesis {
         let weigh = |&effect: &&'static EffectInfo| {
             let without = self.known_without(effect, known)?.clone();
             let gain = (without.joint.misfit.chi_square - self.joint.misfit.chi_square) / scale;
-            let own = 1.0 - self.share_of_steps(case, &without).min(1.0);
+            let [before, after] = [&without.predictions, &self.predictions];
+            let by_steps = residual::share_of_steps(case.records, &case.steps, before, after);
+            let own = 1.0 - by_steps.min(1.0);
             Some(Earned { effect, evidence: gain * own * own - self.price(effect, scale), without })
         };
         self.added.iter().filter_map(weigh).collect()
@@ -53,9 +55,9 @@ impl Hypothesis {
     }
 
     /// Are the fitted records explained, but the held-out ones better without one of its effects?
-    pub(super) fn is_contradicted(&self, case: &Case<'_>, known: &[Self]) -> bool {
-        let is_harmful = |earned: &Earned| self.harm(&earned.without) >= HOLDOUT_CHANCE;
-        within_noise(&self.train.misfit) && self.weighed(case, known).iter().any(is_harmful)
+    pub(super) fn is_contradicted(&self, known: &[Self]) -> bool {
+        let mut without = self.added.iter().filter_map(|effect| self.known_without(effect, known));
+        within_noise(&self.train.misfit) && without.any(|without| self.harm(without) >= HOLDOUT_CHANCE)
     }
 
     /// Drops the effects that do not earn their place beside the others, the weakest first, but those first that are
@@ -126,14 +128,6 @@ impl Hypothesis {
             && (is_told_from(&self.train, none)
                 || !is_told_from(&self.train, self.joint.values[size])
                 || is_open())
-    }
-
-    /// What the steps in which sensors are read may make of what it predicts otherwise than another model: a part of it.
-    fn share_of_steps(&self, case: &Case<'_>, without: &Self) -> f64 {
-        if case.steps.iter().all(Option::is_none) {
-            return 0.0;
-        }
-        residual::share_of_steps(case.records, &case.steps, &without.predictions, &self.predictions)
     }
 
     /// By how much the held-out records' chi-square is above that of another model.

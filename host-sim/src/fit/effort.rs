@@ -23,17 +23,17 @@ pub fn spent_s(records: &[Prepared]) -> f64 {
     records.iter().map(|record| ns(record) * 1e-9).sum()
 }
 
-/// Steps that a stepper took.
+/// How many steps a stepper took.
 #[derive(Default)]
-pub(super) struct Steps(Cell<u64>);
+pub(super) struct StepCount(Cell<u64>);
 
-impl Steps {
-    pub(super) const fn count(&self) -> u64 {
+impl StepCount {
+    pub(super) const fn get(&self) -> u64 {
         self.0.get()
     }
 }
 
-impl Observer for Steps {
+impl Observer for StepCount {
     #[inline(always)]
     fn took(&self, steps: u32) {
         self.0.set(self.0.get() + u64::from(steps));

@@ -1,6 +1,6 @@
 //! Which integrator a fit needs, and the buffers for it.
 
-use super::effort::Steps;
+use super::effort::StepCount;
 use super::{MAX_FREE, Prepared};
 use crate::rig::{Range, Rig};
 use eha_monitor::fit::problem::{Free, Offset, Problem, Record};
@@ -107,11 +107,11 @@ impl<J: Job> Work<'_, J> {
     /// Does it with an integrator that takes so many ns for a step on the machine that this was measured on: one for the
     /// model and one for each of its neighbours in a finish.
     fn with<S: Stepper<f64>>(self, step_ns: u64, make: impl Fn() -> S) -> J::Output {
-        let counted = |_| Observed::new(make(), Steps::default());
+        let counted = |_| Observed::new(make(), StepCount::default());
         let mut steppers: Vec<_> = (0..=self.problem.free.len()).map(counted).collect();
         let output = self.job.run(self.problem, &mut steppers);
         if let Some(record) = self.records.first() {
-            let steps: u64 = steppers.iter().map(|stepper| stepper.observer.count()).sum();
+            let steps: u64 = steppers.iter().map(|stepper| stepper.observer.get()).sum();
             record.effort.add(step_ns * steps);
         }
         output

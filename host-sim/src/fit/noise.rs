@@ -131,7 +131,7 @@ fn spread(values: &[f64], quantum: f64) -> f64 {
         if 10 * moving.len() > differences.len() {
             moving.sort_by(f64::total_cmp);
             let usual = (USUAL * moving.len() as f64) as usize;
-            return rms(moving.drain(..usual)) / RMS_OF_USUAL / OF_FIVE;
+            return rms(moving[..usual].iter().copied()) / RMS_OF_USUAL / OF_FIVE;
         }
     }
     differences.sort_by(f64::total_cmp);
