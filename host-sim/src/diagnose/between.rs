@@ -133,13 +133,13 @@ impl Jumping {
     }
 }
 
-/// What those of the fitted records ask for whose commands do not jump, where not all do and the declared faults alone do not
-/// explain them: that cannot be the doing of a jump.
+/// What those of the fitted records ask for whose commands do not jump, where there are any and the declared faults alone do
+/// not explain them: that cannot be the doing of a jump.
 fn asked_by_calm(case: &Case<'_>, settings: &FitSettings) -> Option<Hypothesis> {
     let is_calm = |record: &&Prepared| record.jumps().is_empty();
     let calm: Vec<Prepared> = case.records.iter().filter(is_calm).cloned().collect();
     let fitted = case.train().iter().filter(is_calm).count();
-    if fitted == 0 || fitted == case.fitted {
+    if fitted == 0 {
         return None;
     }
     let calm = Case { records: &calm, fitted, ..*case };

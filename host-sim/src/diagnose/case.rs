@@ -16,8 +16,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Standard deviations of the residual tests: with four channels, a chance of 1e-4 of a false alarm.
 const RESIDUAL_LIMIT: f64 = 5.0;
 
-/// Most that is spent on a search where nobody says otherwise, s of one core.
-pub const EFFORT_S: f64 = 400.0;
+/// Most that is spent on a search where nobody says otherwise, s of one core: so many for each second of the fitted records,
+/// or for a thousand samples where these are closer, between two bounds.
+const EFFORT_PER_SECOND: f64 = 24.0;
+const LEAST_EFFORT_S: f64 = 30.0;
+const MOST_EFFORT_S: f64 = 240.0;
 
 /// The place of the pressure difference among the measured channels.
 const PRESSURE: usize = 3;
@@ -41,15 +44,24 @@ pub struct Case<'a> {
     pub(super) timed: Option<&'a Timed>,
     /// An explanation of the records that is known already, where one is: models that cost more are not grown.
     pub(super) rival: Option<Rival>,
-    /// Is it searched from afar where nothing else explains the records? Once, in the likeliest reading: what that finds is
-    /// taken on to the others.
-    pub(super) searches_from_afar: bool,
+    /// Is it searched far where nothing else explains the records: in the first moments beside other effects, and from afar?
+    /// Once, in the likeliest reading.
+    pub(super) searches_far: bool,
     /// Most that is spent on the search, s of one core as [`fit::spent_s`] counts them: what is begun then is ended.
     pub(super) effort_s: f64,
     /// Whether that was not enough.
     pub(super) cut: Option<&'a AtomicBool>,
     /// Whom it tells where it stands.
     pub(super) progress: Progress<'a>,
+}
+
+/// Most that is spent on a search that fits some records where nobody says otherwise, s of one core. What is worth
+/// simulating longer has more to tell: of actuators that were drawn at random, each effect that was named at all was within
+/// it.
+pub fn usual_effort_s(fitted: &[Prepared]) -> f64 {
+    let worth = |record: &Prepared| record.duration().max(record.len() as f64 * 1e-3);
+    let seconds: f64 = fitted.iter().map(worth).sum();
+    (EFFORT_PER_SECOND * seconds).clamp(LEAST_EFFORT_S, MOST_EFFORT_S)
 }
 
 impl<'a> Case<'a> {
@@ -74,7 +86,7 @@ impl<'a> Case<'a> {
 
     /// The same as another reading of records for which nothing is found in the likeliest.
     pub(super) fn another(self) -> Self {
-        Case { searches_from_afar: false, ..self }
+        Case { searches_far: false, ..self }
     }
 
     /// A case of records that are ready for a rig, of which the first ones are fitted.
@@ -98,8 +110,8 @@ impl<'a> Case<'a> {
             steps: std::array::from_fn(steps),
             timed: None,
             rival: None,
-            searches_from_afar: true,
-            effort_s: EFFORT_S,
+            searches_far: true,
+            effort_s: usual_effort_s(&records[..fitted]),
             cut: None,
             progress: Progress::SILENT,
         }

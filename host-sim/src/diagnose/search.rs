@@ -118,10 +118,12 @@ pub(super) fn search(
     growth.run(beam, [0.1, 0.55]);
     growth.look_beside_the_first();
     growth.look_again();
-    let singles = growth.singles();
-    let beam = growth.or_followed(Vec::new(), &singles, settings, [0.6, 0.65]);
-    growth.run(beam, [0.6, 0.65]);
-    growth.run_from_afar(settings);
+    if case.searches_far {
+        let singles = growth.singles();
+        let beam = growth.or_followed(Vec::new(), &singles, settings, [0.6, 0.65]);
+        growth.run(beam, [0.6, 0.65]);
+        growth.run_from_afar(settings);
+    }
     let mut tried = growth.tried;
     let simple = tried.iter().filter(|known| known.added.len() <= 1).cloned().collect();
     case.progress.begin("testing what was found", [0.9, 0.95]);
@@ -328,7 +330,7 @@ impl Growth<'_> {
 
     /// Where nothing that was tried leaves noise: grows what a search from afar finds to be better than all of it.
     fn run_from_afar(&mut self, settings: &FitSettings) {
-        if self.is_done() || !self.case.searches_from_afar {
+        if self.is_done() {
             return;
         }
         let Self { case, tried } = &*self;

@@ -87,12 +87,12 @@ pub fn on_records<J: Job>(
     let work = Work { problem: &problem, records, job };
     let Engine { is_affine, order } = Engine::of(&problem);
     match (is_affine, order) {
-        (true, ..=BASE_ORDER) => work.with(75, Plain::new),
-        (true, MORE..=SOME_ORDER) => work.with(125, Fine::<SOME_ORDER>::new),
-        (true, _) => work.with(190, Fine::<FULL_ORDER>::new),
-        (false, ..=BASE_ORDER) => work.with(250, || Curved::<BASE_ORDER>::new(tolerance)),
-        (false, MORE..=SOME_ORDER) => work.with(310, || Curved::<SOME_ORDER>::new(tolerance)),
-        (false, _) => work.with(400, || Curved::<FULL_ORDER>::new(tolerance)),
+        (true, ..=BASE_ORDER) => work.with(45, Plain::new),
+        (true, MORE..=SOME_ORDER) => work.with(75, Fine::<SOME_ORDER>::new),
+        (true, _) => work.with(105, Fine::<FULL_ORDER>::new),
+        (false, ..=BASE_ORDER) => work.with(140, || Curved::<BASE_ORDER>::new(tolerance)),
+        (false, MORE..=SOME_ORDER) => work.with(190, || Curved::<SOME_ORDER>::new(tolerance)),
+        (false, _) => work.with(250, || Curved::<FULL_ORDER>::new(tolerance)),
     }
 }
 

@@ -8,7 +8,6 @@ use super::DEFAULT_RIG;
 use super::diagnose::{Job, WRITES};
 use super::files::Files;
 use crate::cli::Common;
-use crate::diagnose::EFFORT_S;
 use crate::failure::Failure;
 use crate::fit::TYPICAL_NOISE;
 use crate::interrupt;
@@ -82,7 +81,7 @@ pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
     let holdout = records.split_off(2);
     let names = FLIGHTS.iter().map(|(command, role)| format!("{command} ({role})")).collect();
     let mut job =
-        Job { common, rig, train: records, holdout, record_notes: Vec::new(), names, effort_s: EFFORT_S };
+        Job { common, rig, train: records, holdout, record_notes: Vec::new(), names, effort_s: None };
     let answer = job.run()?;
     let saved = job.save(&answer, None);
     if common.json {

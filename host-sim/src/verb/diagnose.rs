@@ -3,7 +3,7 @@
 use super::files::{Files, common_samples};
 use super::{DEFAULT_RIG, InputOptions};
 use crate::cli::Common;
-use crate::diagnose::{Case, Diagnosis, EFFORT_S, Early, Score, Verdict, diagnose};
+use crate::diagnose::{Case, Diagnosis, Early, Score, Verdict, diagnose, usual_effort_s};
 use crate::failure::Failure;
 use crate::fit::{self, Bounds, Estimate, FitSettings, LoopScore, Prepared};
 use crate::interrupt;
@@ -39,9 +39,10 @@ pub struct Options {
     #[command(flatten)]
     input: InputOptions,
     /// Most work of the search, about so many seconds of one core: counted in steps of the simulation, so that a result
-    /// repeats on any machine. What was found by then is the result, and the exit code is 4.
-    #[arg(long, value_name = "S", default_value_t = EFFORT_S, value_parser = effort)]
-    effort: f64,
+    /// repeats on any machine. What was found by then is the result, and the exit code is 4. [default: 24 for each second of
+    /// the fitted records, 30 to 240]
+    #[arg(long, value_name = "S", value_parser = effort)]
+    effort: Option<f64>,
     /// Where to write the final model's prediction of the (first) held-out record (CSV, or Parquet if it ends so).
     #[arg(long, value_name = "FILE.csv|.parquet", requires = "holdout", value_parser = table_path())]
     prediction: Option<PathBuf>,
@@ -102,8 +103,8 @@ pub(super) struct Job<'a> {
     /// What the user should know of the records.
     pub(super) record_notes: Vec<String>,
     pub(super) names: Vec<String>,
-    /// Most work of the search, s of one core.
-    pub(super) effort_s: f64,
+    /// Most work of the search, s of one core, where the user says it.
+    pub(super) effort_s: Option<f64>,
 }
 
 /// What a diagnosis gave.
@@ -142,7 +143,9 @@ impl Job<'_> {
                 "the rig declares no fault and no free parameter: there is nothing to fit",
             ));
         }
-        let case = Case::new(&self.rig, &records, self.train.len()).within(self.effort_s);
+        let usual = || usual_effort_s(&records[..self.train.len()]);
+        let effort_s = *self.effort_s.get_or_insert_with(usual);
+        let case = Case::new(&self.rig, &records, self.train.len()).within(effort_s);
         let settings = FitSettings { seed: self.common.seed, ..FitSettings::default() };
         let bar = output::bar(self.common, 100, "diagnosing", Time::Gone);
         let mut diagnosis = diagnose(&case, &settings, &|stage| output::show_stage(&bar, stage));

@@ -8,7 +8,6 @@ use super::diagnose::Job;
 use super::files::Files;
 use super::findings::{findings, print_findings};
 use crate::cli::Common;
-use crate::diagnose::EFFORT_S;
 use crate::failure::Failure;
 use crate::fit::{self, Bounds, Fit, FitSettings, Prepared};
 use crate::interrupt;
@@ -288,7 +287,7 @@ fn closed_loop(common: &Common) -> Result<Rig, Failure> {
         holdout: vec![healthy("mixed-step", common.seed.wrapping_add(2))?],
         record_notes: Vec::new(),
         names: Vec::new(),
-        effort_s: EFFORT_S,
+        effort_s: None,
     };
     Ok(job.run()?.diagnosis.rig)
 }

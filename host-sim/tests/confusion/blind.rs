@@ -62,6 +62,8 @@ pub(crate) struct Blind {
     shown: Vec<bool>,
     /// For each fault: relative error of the estimate, and does its interval hold the truth?
     faults: Vec<(f64, bool)>,
+    /// What the diagnosis took, s of one core.
+    effort_s: f64,
 }
 
 /// A figure of the document.
@@ -71,7 +73,7 @@ struct Figure {
     value: fn(&[&Blind]) -> String,
 }
 
-const FIGURES: [Figure; 9] = [
+const FIGURES: [Figure; 11] = [
     Figure {
         name: "clean records called adequate",
         wanted: "95 %",
@@ -117,6 +119,16 @@ const FIGURES: [Figure; 9] = [
             format!("{} of {}", faults.iter().filter(|(_, covered)| *covered).count(), faults.len())
         },
     },
+    Figure {
+        name: "effort in the catalogue, s of one core: median, most",
+        wanted: "20 for two records of 1 s",
+        value: |cases| efforts(cases, |case| !case.is(Kind::Outside)),
+    },
+    Figure {
+        name: "effort outside it: median, most",
+        wanted: "20 for two records of 1 s",
+        value: |cases| efforts(cases, |case| case.is(Kind::Outside)),
+    },
 ];
 
 fn share(cases: &[&Blind], of: impl Fn(&Blind) -> bool, is: impl Fn(&Blind) -> bool) -> String {
@@ -133,6 +145,13 @@ fn median_error(cases: &[&Blind], fault: usize) -> String {
         cases.iter().filter(|case| !case.is(Kind::Outside)).map(|case| case.faults[fault].0).collect();
     errors.sort_by(f64::total_cmp);
     errors.get(errors.len() / 2).map_or_else(|| "-".to_owned(), |error| format!("{:.2} %", 100.0 * error))
+}
+
+fn efforts(cases: &[&Blind], of: impl Fn(&Blind) -> bool) -> String {
+    let mut efforts: Vec<f64> = cases.iter().filter(|case| of(case)).map(|case| case.effort_s).collect();
+    efforts.sort_by(f64::total_cmp);
+    let median = efforts.get(efforts.len() / 2).zip(efforts.last());
+    median.map_or_else(|| "-".to_owned(), |(median, most)| format!("{median:.0}, {most:.0}"))
 }
 
 /// A number whose logarithm is as likely anywhere in a range.
@@ -345,6 +364,7 @@ impl Blind {
                 .map(|[_, after]| after.position_rms / oracle.held_out),
             shown: oracle.shown,
             faults: faults.collect(),
+            effort_s: diagnosed.diagnosis.effort_s(),
         }
     }
 
