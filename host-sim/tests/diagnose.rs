@@ -176,6 +176,38 @@ fn a_command_that_is_a_curve_is_no_effect() {
     assert!(held["after_rms_m"].as_f64().unwrap() < 1.1 * POSITION_NOISE, "{held}");
 }
 
+/// A computer keeps the value of each sample of the command until the next one: half a sample of delay of all that follows.
+#[test]
+fn a_command_that_a_computer_holds_is_no_delay() {
+    let mut plant = faulty();
+    let held = |plant: &Plant, command: &Command| fly_curve(plant, &command.held(SAMPLES, 1e-3));
+    let path = |result: &Value| result["config"]["model"]["command_path"].clone();
+    // Without the current, a delay of the sensor explains the position as well.
+    for has_current in [true, false] {
+        let recorded = |command: &Command, seed| {
+            let mut record = sensed(held(&plant, command), 0.0, seed);
+            if !has_current {
+                record.current.fill(0.0);
+            }
+            record
+        };
+        let clean = diagnose_recorded(recorded, 1);
+        assert_eq!([&clean["verdict"], &path(&clean)], ["adequate", "held"], "{clean:#}");
+        faults_are_right(&clean, 4.0, "held");
+    }
+    plant.effects.friction_asymmetry = 0.2;
+    let result = diagnose_flown(|command| held(&plant, command), 1);
+    assert_eq!([&result["verdict"], &path(&result)], ["explained", "held"], "{result:#}");
+    assert!(class(&result).iter().all(|name| name != "sensor-delay"), "{:?}", class(&result));
+    assert!(class(&result).iter().any(|name| name == "friction-asymmetry"), "{:?}", class(&result));
+    // A delay of a sensor that is no half sample is one.
+    let mut late = faulty();
+    late.effects.sensor_delay = 3e-4;
+    let result = diagnose_flown(|command| fly_curve(&late, command), 1);
+    assert!(class(&result).iter().any(|name| name == "sensor-delay"), "{result:#}");
+    assert_ne!(path(&result), "held");
+}
+
 #[test]
 fn a_command_that_is_recorded_in_steps_is_no_effect() {
     let plant = faulty();

@@ -42,7 +42,7 @@ impl Jumping {
     pub(super) fn of(case: &Case<'_>, settings: &FitSettings) -> Option<Self> {
         let is_curve = case.rig.command_path == CommandPath::Curve;
         let as_it_is = || is_curve.then(|| Reading { rig: case.rig.clone(), records: case.records.to_vec() });
-        let reading = fit::curved(case.rig, case.records).or_else(as_it_is)?;
+        let reading = fit::on_path(case.rig, case.records, CommandPath::Curve).or_else(as_it_is)?;
         let jumps = Jumps::of(&reading.records)?;
         // What leaves out the answers to jumps may end in another valley of the faults than all of it: each place is
         // searched.

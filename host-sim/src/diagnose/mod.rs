@@ -53,7 +53,7 @@ use crate::fit::{self, FitSettings, Prepared};
 use crate::interrupt;
 use between::{Between, Jumping};
 use progress::{Log, Progress, Watch};
-use readings::diagnose_in_noise;
+use readings::{diagnose_held, diagnose_in_noise};
 use residual::MEASURED;
 use std::sync::atomic::AtomicBool;
 
@@ -80,9 +80,12 @@ fn in_each_way(case: &Case<'_>, settings: &FitSettings) -> Diagnosis {
     let jumping = Jumping::of(&case.part([0.0, TIMING], ""), settings);
     let rival = jumping.as_ref().and_then(|jumping| jumping.rival);
     let timed_first = if jumping.is_some() { TIMING } else { 0.0 };
-    let answer = diagnose_in_noise(&Case { rival, ..case.part([timed_first, 0.7], "") }, settings);
+    let answer = diagnose_in_noise(&Case { rival, ..case.part([timed_first, 0.65], "") }, settings);
     if case.is_over() {
         return answer.diagnosis;
+    }
+    if let Some(held) = diagnose_held(&case.part([0.65, 0.7], ""), &answer, settings) {
+        return held.diagnosis;
     }
     // What explains the records says how they are to be read.
     let rig =

@@ -7,8 +7,10 @@ use super::hypothesis::Hypothesis;
 use super::residual;
 use super::search::{self, FirstRound};
 use crate::fit::{self, BETTER_VALLEY, Fit, FitSettings, Polished, Reading, TOLD_APART};
-use crate::rig::Rig;
+use crate::rig::{CommandPath, Rig};
+use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
+use eha_monitor::parameter::Parameter;
 use std::cell::OnceCell;
 use std::iter;
 
@@ -55,6 +57,14 @@ impl Answer {
             && held_out.is_some_and(|(own, other)| after(own) < after(other))
     }
 
+    /// The model without the delay of the sensor that explains the records, or what looks like one; none where nothing of
+    /// the kind does.
+    fn without_delay(&self, case: &Case<'_>) -> Option<Hypothesis> {
+        let is_delay = |effect: &&EffectInfo| effect.parameters == [Parameter::SensorDelay];
+        let delay = self.diagnosis.found.iter().find(|found| found.class.iter().any(is_delay))?;
+        (!self.is_unexplained()).then(|| self.model.without(case, delay.effect))
+    }
+
     /// The model beside which the times of jumps are fitted: where it explains nothing, they may have been wrong for what
     /// the fitted records ask for.
     pub(super) fn to_be_timed(&self) -> &Hypothesis {
@@ -67,7 +77,7 @@ impl Answer {
 /// Records do not say what a command does between its samples, nor a rig when its spool sticks: the likeliest of the
 /// readings that the rig leaves open is taken (see [`Reading::all`]). What is missing may speak for the wrong one: where
 /// one effect does not explain the records in it, the readings are judged again by the best that one effect makes of
-/// each. Where another one makes a difference to what is found in the one that is taken, and may be it as well, it is
+/// each, and a command that a computer holds is one of them, if the declared faults leave less in it. Where another one makes a difference to what is found in the one that is taken, and may be it as well, it is
 /// tried too; also where nothing explains the records, and one effect leaves less of them in the other.
 pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answer {
     case.progress.begin("fitting the declared faults", [0.0, 0.05]);
@@ -81,12 +91,20 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     let mut read: Vec<(&Case<'_>, Declared)> = iter::once((case, own)).chain(others).collect();
     let misfits: Vec<Misfit<f64>> = read.iter().map(|(_, declared)| declared.root.joint.misfit).collect();
     let mut likeliest = fit::speaks_for(&misfits);
-    let is_one = read.len() == 1;
     let (there, declared) = &read[likeliest];
-    if !is_one && !declared.begun(there).leaves_noise && !case.is_over() {
+    let (held, held_case);
+    if !declared.begun(there).leaves_noise && !case.is_over() {
+        held = fit::on_path(&case.rig.with_spool_of(there.rig), case.records, CommandPath::Held);
+        held_case = held.as_ref().map(|Reading { rig, records }| Case { rig, records, ..*case });
+        let least = misfits.iter().map(|misfit| misfit.chi_square).fold(f64::INFINITY, f64::min);
+        read.extend(held_case.as_ref().and_then(|held| {
+            let declared = Declared::from_seeds(held, settings, 1);
+            (declared.root.joint.misfit.chi_square < least).then_some((held, declared))
+        }));
         let best = |(case, declared): &(&Case<'_>, Declared)| declared.begun(case).best().joint.misfit;
         likeliest = fit::speaks_for(&read.iter().map(best).collect::<Vec<_>>());
     }
+    let is_one = read.len() == 1;
     let (here, declared) = read.swap_remove(likeliest);
     let mut answer = diagnose_from(&here.part([0.0, if is_one { 1.0 } else { 0.6 }], ""), declared, settings);
     let is_unexplained = answer.is_unexplained();
@@ -115,6 +133,22 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     }
     let other = diagnose_from(&there, declared, settings);
     if other.is_better_than(&answer, scale) { other } else { answer }
+}
+
+/// The answer to a case whose commands a computer holds from sample to sample, which is half a sample of delay, where that
+/// explains the records in place of a delay of the sensor.
+pub(super) fn diagnose_held(case: &Case<'_>, without: &Answer, settings: &FitSettings) -> Option<Answer> {
+    let model = without.without_delay(case)?;
+    let Reading { rig, records } = fit::on_path(case.rig, case.records, CommandPath::Held)?;
+    let held = Case { rig: &rig, records: &records, ..case.part([0.0, 1.0], ", command held") }.another();
+    held.progress.begin("fitting it without the delay", [0.0, 0.05]);
+    if case.is_over() || !model.refitted(&held).leaves_noise(&held) {
+        return None;
+    }
+    let answer = diagnose_in_noise(&held, settings);
+    let scale = search::least_scale([&answer.model, &without.model].into_iter());
+    let is_cheaper = answer.model.cost(scale) < without.model.cost(scale);
+    (!answer.is_unexplained() && is_cheaper).then_some(answer)
 }
 
 /// Does one of the first models in a reading leave less than all of some in another, of all records or of the fitted ones?

@@ -34,7 +34,7 @@ pub use noise::{
 pub use periodogram::periodograms;
 pub use polish::{Polished, approach, foresee, misfit, misfit_within, polish};
 pub use prepare::{Prepared, Steps, prepare, prepare_with};
-pub use reading::{AsRead, Reading, curved, fit_as_read, is_command_late, speaks_for};
+pub use reading::{AsRead, Reading, fit_as_read, is_command_late, on_path, speaks_for};
 pub use result::Fit;
 pub use search::{FitSettings, Standing, fit, fit_from_seeds, fit_near};
 pub use systematic::{FRICTION_ERROR, standard_errors};

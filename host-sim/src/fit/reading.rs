@@ -8,6 +8,7 @@ use crate::record::Record;
 use crate::rig::{CommandPath, Range, Rig};
 use eha_monitor::fit::identify::{self, StopReason};
 use eha_monitor::fit::problem::Misfit;
+use std::iter;
 
 /// Share of what one reading leaves beyond noise that another must undercut to be taken though it leaves more than noise
 /// itself.
@@ -26,12 +27,22 @@ pub struct Reading {
 }
 
 impl Reading {
-    /// The readings that a rig leaves open, its own first: a command that goes from sample to sample on straight lines or
-    /// on a curve, and a spool that slides until its driving force has fallen to the sliding friction, or sticks as soon as
+    /// The usual readings that a rig leaves open, its own first: a command that goes from sample to sample on straight lines
+    /// or on a curve, and a spool that slides until its driving force has fallen to the sliding friction, or sticks as soon as
     /// that force would not set it going.
     pub fn all(rig: &Rig, records: &[Prepared]) -> Vec<Self> {
-        let mut all = vec![Self { rig: rig.clone(), records: records.to_vec() }];
-        all.extend(curved(rig, records));
+        let own = Self { rig: rig.clone(), records: records.to_vec() };
+        Self::with_sticking_spool(iter::once(own).chain(on_path(rig, records, CommandPath::Curve)).collect())
+    }
+
+    /// Those in which a computer keeps the value of a sample until the next one, where the rig leaves the path open: half a
+    /// sample of delay, which a sensor may have as well. To be asked where the others leave more than noise.
+    pub fn held(rig: &Rig, records: &[Prepared]) -> Vec<Self> {
+        Self::with_sticking_spool(on_path(rig, records, CommandPath::Held).into_iter().collect())
+    }
+
+    /// Some readings, and then the same with the other law of the spool, where the rig leaves that open.
+    fn with_sticking_spool(mut all: Vec<Self>) -> Vec<Self> {
         let sticking = |reading: &Self| {
             let records = reading.records.clone();
             reading.rig.with_sticking_spool().map(|rig| Self { rig, records })
@@ -62,15 +73,23 @@ pub fn fit_as_read(
     watch: impl Fn(Standing) + Sync,
 ) -> AsRead {
     let mut fitted: Vec<(Reading, Fit)> = Vec::new();
-    for reading in Reading::all(rig, records) {
-        if fitted.iter().any(|(_, fit)| fit.interrupted) {
+    let is_interrupted = |fitted: &[(Reading, Fit)]| fitted.iter().any(|(_, fit)| fit.interrupted);
+    let is_known = |fitted: &[(Reading, Fit)]| {
+        is_interrupted(fitted) || fitted.iter().any(|(_, fit)| fit.stop == StopReason::NoiseReached)
+    };
+    for readings in [Reading::all, Reading::held] {
+        if is_known(&fitted) {
             break;
         }
-        let fit = fit(&reading.rig, ranges, &reading.records, settings, &watch);
-        fitted.push((reading, fit));
+        for reading in readings(rig, records) {
+            if is_interrupted(&fitted) {
+                break;
+            }
+            let fit = fit(&reading.rig, ranges, &reading.records, settings, &watch);
+            fitted.push((reading, fit));
+        }
     }
-    let is_known = fitted.iter().any(|(_, fit)| fit.interrupted || fit.stop == StopReason::NoiseReached);
-    let seeds = if is_known { 1 } else { MORE_SEEDS };
+    let seeds = if is_known(&fitted) { 1 } else { MORE_SEEDS };
     let settled = |(reading, first): (Reading, Fit)| {
         let Reading { rig, records } = &reading;
         let fit = or_from_seeds(first, rig, ranges, records, settings, seeds, &watch);
@@ -135,14 +154,14 @@ fn gain_of(one: &Misfit<f64>, other: &Misfit<f64>) -> f64 {
     (one.chi_square - other.chi_square) / scale
 }
 
-/// The rig and its records with the command on a curve between its samples. None where the rig does not leave the path
-/// open, and where the curve is no other than the straight lines.
-pub fn curved(rig: &Rig, records: &[Prepared]) -> Option<Reading> {
+/// The rig and its records with the command on a path between its samples. None where the rig does not leave the path open,
+/// and where that path is no other than the straight lines.
+pub fn on_path(rig: &Rig, records: &[Prepared], command_path: CommandPath) -> Option<Reading> {
     if rig.command_path != CommandPath::Open {
         return None;
     }
-    let curved = Rig { command_path: CommandPath::Curve, ..rig.clone() };
-    let other: Vec<Prepared> = records.iter().map(|record| record.along(&curved)).collect();
-    let differs = other.iter().zip(records).any(|(curve, lines)| !curve.flies_as(lines));
-    differs.then_some(Reading { rig: curved, records: other })
+    let rig = Rig { command_path, ..rig.clone() };
+    let other: Vec<Prepared> = records.iter().map(|record| record.along(&rig)).collect();
+    let differs = other.iter().zip(records).any(|(path, lines)| !path.flies_as(lines));
+    differs.then_some(Reading { rig, records: other })
 }

@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CommandPath {
-    /// That is not known: records may speak for a curve, and straight lines are taken where they do not.
+    /// That is not known: records may speak for a curve, or for held values where nothing else explains them; straight
+    /// lines are taken where they do not.
     #[default]
     Open,
     /// It goes from one sample to the next in a straight line.
@@ -14,8 +15,8 @@ pub enum CommandPath {
     /// It was a continuous function of time when it was recorded: smooth, with corners anywhere, and with jumps that come
     /// just before the sample that shows them.
     Curve,
-    /// The computer that commands keeps the value of a sample until the next one. Only a rig can say so: half a sample of
-    /// delay is what a sensor may have as well.
+    /// The computer that commands keeps the value of a sample until the next one: half a sample of delay, which a sensor may
+    /// have as well.
     Held,
 }
 
