@@ -56,6 +56,21 @@ fn finds_the_faults_of_a_noisy_record() {
     }
 }
 
+/// Nobody says how the command went from sample to sample.
+#[test]
+fn a_command_that_a_computer_held_is_found_out() {
+    let bench = Bench::new();
+    let sensors = ["--noise", "lvdt_m=5e-6,current_mA=0.02", "--channels", "lvdt_m,current_mA"];
+    for path in ["held", "lines"] {
+        bench.write("flown.toml", &format!("base = \"eha\"\n[model]\ncommand-path = \"{path}\"\n"));
+        let flown = ["--model", "lf", "--command", "chirp", "--rig", "flown.toml"];
+        bench.simulate("record.csv", &[&flown[..], &sensors].concat());
+        let result = bench.run(&["identify", "record.csv", "--json"]).done().json();
+        assert_finds_the_faults(&result);
+        assert_eq!(result["config"]["model"]["command_path"] == "held", path == "held", "{path}: {result}");
+    }
+}
+
 #[test]
 fn the_json_has_the_fixed_members() {
     let bench = Bench::new();
