@@ -258,7 +258,7 @@ pub(super) fn fitted(
 fn widened(rig: &Rig, ranges: &[Range], values: &[f64]) -> Vec<Range> {
     let is_given = |parameter| {
         let declared = rig.faults.iter().chain(&rig.free).any(|range| range.parameter == parameter);
-        declared || parameter == Parameter::StepLoadTime
+        declared || matches!(parameter, Parameter::StepLoadTime | Parameter::CoggingPitch)
     };
     let widen = |(range, &value): (&Range, &f64)| {
         let info = range.parameter.info();
@@ -278,12 +278,22 @@ fn widened(rig: &Rig, ranges: &[Range], values: &[f64]) -> Vec<Range> {
 #[cfg(test)]
 mod tests {
     use super::super::signature::tests::{record, with};
-    use super::Candidate;
+    use super::{Candidate, widened};
     use crate::fit;
     use crate::rig::{Range, Rig};
     use eha_monitor::effect::EffectInfo;
     use eha_monitor::fit::identify::within_noise;
     use eha_monitor::parameter::Parameter;
+
+    #[test]
+    fn a_pitch_is_not_followed_to_where_a_ripple_is_a_bend() {
+        let rig = Rig::load("eha").unwrap();
+        let amplitude = Range::around(Parameter::CoggingSine, 0.0, 100.0);
+        let pitch = Range { parameter: Parameter::CoggingPitch, lower: 4e-3, upper: 5e-3 };
+        let wider = widened(&rig, &[amplitude, pitch], &[amplitude.upper, pitch.upper]);
+        assert!(wider[0].upper > amplitude.upper);
+        assert_eq!(wider[1], pitch);
+    }
 
     #[test]
     fn an_effect_that_is_caught_at_half_its_size_is_found_at_its_own() {

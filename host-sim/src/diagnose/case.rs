@@ -55,9 +55,8 @@ pub struct Case<'a> {
     pub(super) progress: Progress<'a>,
 }
 
-/// Most that is spent on a search that fits some records where nobody says otherwise, s of one core. What is worth
-/// simulating longer has more to tell: of actuators that were drawn at random, each effect that was named at all was within
-/// it.
+/// Most that is spent on a search that fits some records where nobody says otherwise, s of one core: longer ones take longer
+/// to simulate, and tell more.
 pub fn usual_effort_s(fitted: &[Prepared]) -> f64 {
     let worth = |record: &Prepared| record.duration().max(record.len() as f64 * 1e-3);
     let seconds: f64 = fitted.iter().map(worth).sum();
@@ -189,7 +188,7 @@ impl<'a> Case<'a> {
 #[cfg(test)]
 mod tests {
     use super::super::signature::tests::record;
-    use super::{EFFORT_PER_SECOND, LEAST_EFFORT_S, MOST_EFFORT_S, usual_effort_s};
+    use super::{EFFORT_PER_SECOND, LEAST_EFFORT_S, MOST_EFFORT_S, Prepared, usual_effort_s};
     use crate::rig::Rig;
 
     #[test]
@@ -200,7 +199,7 @@ mod tests {
         assert_eq!([effort_of(2), effort_of(3)], [2.0 * EFFORT_PER_SECOND, 3.0 * EFFORT_PER_SECOND]);
         assert_eq!([effort_of(1), effort_of(20)], [LEAST_EFFORT_S, MOST_EFFORT_S]);
         // A thousand samples of a fast record take as many steps as a second.
-        let fast = crate::fit::Prepared { sample_period: 1e-4, ..second };
+        let fast = Prepared { sample_period: 1e-4, ..second };
         assert_eq!(usual_effort_s(&[fast.clone(), fast]), 2.0 * EFFORT_PER_SECOND);
     }
 }

@@ -77,8 +77,9 @@ impl Answer {
 /// Records do not say what a command does between its samples, nor a rig when its spool sticks: the likeliest of the
 /// readings that the rig leaves open is taken (see [`Reading::all`]). What is missing may speak for the wrong one: where
 /// one effect does not explain the records in it, the readings are judged again by the best that one effect makes of
-/// each, and a command that a computer holds is one of them, if the declared faults leave less in it. Where another one makes a difference to what is found in the one that is taken, and may be it as well, it is
-/// tried too; also where nothing explains the records, and one effect leaves less of them in the other.
+/// each, and a command that a computer holds is one of them, if the declared faults leave less in it. Where another one
+/// makes a difference to what is found in the one that is taken, and may be it as well, it is tried too; also where nothing
+/// explains the records, and one effect leaves less of them in the other.
 pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answer {
     case.progress.begin("fitting the declared faults", [0.0, 0.05]);
     let own = Declared::of(case, settings);
@@ -95,7 +96,7 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     let (held, held_case);
     if !declared.begun(there).leaves_noise && !case.is_over() {
         held = fit::on_path(&case.rig.with_spool_of(there.rig), case.records, CommandPath::Held);
-        held_case = held.as_ref().map(|Reading { rig, records }| Case { rig, records, ..*case });
+        held_case = held.as_ref().map(|reading| in_held(case, reading));
         let least = misfits.iter().map(|misfit| misfit.chi_square).fold(f64::INFINITY, f64::min);
         read.extend(held_case.as_ref().and_then(|held| {
             let declared = Declared::from_seeds(held, settings, 1);
@@ -135,12 +136,17 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     if other.is_better_than(&answer, scale) { other } else { answer }
 }
 
+/// A case read as one whose commands a computer holds from sample to sample.
+fn in_held<'a>(case: &Case<'a>, Reading { rig, records }: &'a Reading) -> Case<'a> {
+    Case { rig, records, ..case.part([0.0, 1.0], ", command held") }
+}
+
 /// The answer to a case whose commands a computer holds from sample to sample, which is half a sample of delay, where that
 /// explains the records in place of a delay of the sensor.
 pub(super) fn diagnose_held(case: &Case<'_>, without: &Answer, settings: &FitSettings) -> Option<Answer> {
     let model = without.without_delay(case)?;
-    let Reading { rig, records } = fit::on_path(case.rig, case.records, CommandPath::Held)?;
-    let held = Case { rig: &rig, records: &records, ..case.part([0.0, 1.0], ", command held") }.another();
+    let reading = fit::on_path(case.rig, case.records, CommandPath::Held)?;
+    let held = in_held(case, &reading).another();
     held.progress.begin("fitting it without the delay", [0.0, 0.05]);
     if case.is_over() || !model.refitted(&held).leaves_noise(&held) {
         return None;

@@ -12,7 +12,8 @@ use eha_monitor::parameter::Parameter;
 use nalgebra::{Matrix2, Vector2};
 use rayon::prelude::*;
 
-/// Share by which a fit may move a pitch away from where it was seen.
+/// Least share by which a fit may move a pitch away from where it was seen; the next one that was looked at is farther away
+/// where there are few periods along the way. It may not go on from there: what has no whole periods is a bend.
 const PITCH_REACH: f64 = 0.02;
 /// Ripples that are handed on: an actuator that sticks now and then is not the linear one that they are judged by.
 const MOST_RIPPLES: usize = 12;
@@ -39,6 +40,8 @@ const ANSWER_S: f64 = 0.1;
 pub(super) struct Ripple {
     /// Length of a period, m.
     pub(super) pitch: f64,
+    /// How far a fit may move it, m.
+    reach: f64,
     /// Amplitudes of its cosine and sine, N, against the motion where they are positive.
     amplitudes: [f64; 2],
     /// Fall of chi-square that it promises.
@@ -54,7 +57,7 @@ impl Ripple {
     /// Where a fit may move the pitch.
     pub(super) fn pitch_range(&self) -> Range {
         let info = Parameter::CoggingPitch.info();
-        let (lower, upper) = (self.pitch * (1.0 - PITCH_REACH), self.pitch * (1.0 + PITCH_REACH));
+        let (lower, upper) = (self.pitch - self.reach, self.pitch + self.reach);
         Range {
             parameter: Parameter::CoggingPitch,
             lower: lower.max(info.lower),
@@ -83,7 +86,7 @@ pub(super) fn ripples(rig: &Rig, records: &[Prepared]) -> Vec<Ripple> {
     peaks.sort_by(|&a, &b| pulls[b].total_cmp(&pulls[a]));
     peaks.truncate(MOST_JUDGED);
     let mut judged: Vec<Ripple> =
-        peaks.into_par_iter().filter_map(|line| judged(&traces, pitch(line))).collect();
+        peaks.into_par_iter().filter_map(|line| judged(&traces, pitch(line), way)).collect();
     judged.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     judged.truncate(MOST_RIPPLES);
     judged
@@ -155,8 +158,8 @@ fn pull(traces: &[Trace<'_>], pitch: f64) -> Vector2<f64> {
         .sum()
 }
 
-/// The ripple of a pitch that explains most; none where it shows nowhere.
-fn judged(traces: &[Trace<'_>], pitch: f64) -> Option<Ripple> {
+/// The ripple of a pitch, along a whole way, that explains most; none where it shows nowhere.
+fn judged(traces: &[Trace<'_>], pitch: f64, way: f64) -> Option<Ripple> {
     let mut curvature = Matrix2::zeros();
     for trace in traces {
         let ripple: Vec<Vector2<f64>> = trace.ripple(pitch).collect();
@@ -170,7 +173,8 @@ fn judged(traces: &[Trace<'_>], pitch: f64) -> Option<Ripple> {
     }
     let pull = pull(traces, pitch);
     let amplitudes = curvature.cholesky()?.solve(&pull);
-    Some(Ripple { pitch, amplitudes: amplitudes.into(), gain: amplitudes.dot(&pull) })
+    let reach = (PITCH_REACH * pitch).max(pitch * pitch / (PARTS * way));
+    Some(Ripple { pitch, reach, amplitudes: amplitudes.into(), gain: amplitudes.dot(&pull) })
 }
 
 /// What each measured channel does in the samples after a force of 1 N that lasts for one, in its unit.
