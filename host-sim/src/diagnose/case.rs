@@ -188,18 +188,24 @@ impl<'a> Case<'a> {
 #[cfg(test)]
 mod tests {
     use super::super::signature::tests::record;
-    use super::{EFFORT_PER_SECOND, LEAST_EFFORT_S, MOST_EFFORT_S, Prepared, usual_effort_s};
+    use super::{EFFORT_PER_SECOND, LEAST_EFFORT_S, MOST_EFFORT_S, usual_effort_s};
+    use crate::fit;
+    use crate::record::Record;
     use crate::rig::Rig;
+    use eha_monitor::channel::Channel;
 
     #[test]
     fn a_search_takes_as_long_as_its_records_are_worth() {
-        let second = record(&Rig::load("eha").unwrap());
+        let rig = Rig::load("eha").unwrap();
+        let second = record(&rig);
         assert_eq!(second.duration(), 1.0);
         let effort_of = |count: usize| usual_effort_s(&vec![second.clone(); count]);
         assert_eq!([effort_of(2), effort_of(3)], [2.0 * EFFORT_PER_SECOND, 3.0 * EFFORT_PER_SECOND]);
         assert_eq!([effort_of(1), effort_of(20)], [LEAST_EFFORT_S, MOST_EFFORT_S]);
         // A thousand samples of a fast record take as many steps as a second.
-        let fast = Prepared { sample_period: 1e-4, ..second };
-        assert_eq!(usual_effort_s(&[fast.clone(), fast]), 2.0 * EFFORT_PER_SECOND);
+        let swing: Vec<f64> = (0..2000).map(|k| 1e-3 * (f64::from(k) * 0.01).sin()).collect();
+        let channels = vec![(Channel::Command, swing.clone()), (Channel::UserPosition, swing)];
+        let fast = fit::prepare(&rig, &Record::new("fast".to_owned(), 1e-4, 0.0, channels).unwrap());
+        assert_eq!(usual_effort_s(&[fast]), 2.0 * EFFORT_PER_SECOND);
     }
 }
