@@ -362,7 +362,10 @@ pub fn reading_notes(rig: &Rig) -> Vec<String> {
     let command = match rig.command_path {
         CommandPath::Open | CommandPath::Lines => None,
         CommandPath::Curve => Some("goes from sample to sample on a curve, not in straight lines"),
-        CommandPath::Held => Some("keeps the value of a sample until the next one"),
+        CommandPath::Held => Some(
+            "keeps the value of a sample until the next one; a sensor that is half a sample late looks nearly the same to the \
+             position alone",
+        ),
     };
     let spool = rig.has_sticking_spool().then(|| {
         "the spool sticks as soon as its driving force is below the breakaway friction, not only when it has fallen to the \
