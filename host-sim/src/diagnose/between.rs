@@ -50,7 +50,7 @@ impl Jumping {
             let [searched, moved] = [Declared::from_seeds(case, settings, 1).root, start.refitted(case)];
             if hypothesis::lower(&moved, &searched).is_lt() { moved } else { searched }
         };
-        let curved = Case { rig: &reading.rig, records: &reading.records, ..case.part([0.0, 1.0], JUMPING) };
+        let curved = case.read_as(&reading, JUMPING);
         curved.progress.begin("timing the jumps", [0.0, 1.0]);
         let mut first = jumps.timed(&curved, |case| Declared::of(case, settings).root, moved);
         if !first.model.leaves_noise(&first.case(case))
@@ -68,14 +68,14 @@ impl Jumping {
 
     /// Diagnoses the case in it, if that explains more than the model that was found without it.
     pub(super) fn diagnose(self, case: &Case<'_>, without: &Answer, settings: &FitSettings) -> Between {
-        let Self { reading: Reading { rig, records }, jumps, first, rival } = &self;
-        let curved = &Case { rig, records, ..case.part([0.0, 1.0], JUMPING) };
+        let Self { reading, jumps, first, rival } = &self;
+        let curved = &case.read_as(reading, JUMPING);
         let beside = |model: &Hypothesis| jumps.beside(model, curved);
         let found = &without.model;
         let asked = Some(without.to_be_timed()).filter(|asked| !asked.same_effects(found));
         // Where nothing explains the records, and no times of the jumps take away much of that, they are not what is missing.
         let may_explain = |model: &Hypothesis, is_in_it: bool| {
-            let rig = rig.with_spool_of(&model.rig);
+            let rig = curved.rig.with_spool_of(&model.rig);
             let there = curved.under(&rig);
             let in_it = if is_in_it { Cow::Borrowed(model) } else { Cow::Owned(model.refitted(&there)) };
             jumps.at_best_for(&in_it, &there).share_of(model) >= GROWING_SHARE
@@ -124,7 +124,7 @@ impl Jumping {
             let is_last = turn == MOST_TIMED || is_same || curved.is_over();
             let is_open = !is_last && (!answer.is_unexplained() || may_explain(next, true));
             let Some(better) = is_open.then(|| cheaper_beside(next, least)).flatten() else {
-                let jumps = Some(best.jumps.times(records));
+                let jumps = Some(best.jumps.times(curved.records));
                 return Between::Found(Box::new(Diagnosis { jumps, ..answer.diagnosis }));
             };
             (least, best) = better;

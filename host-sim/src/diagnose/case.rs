@@ -5,7 +5,7 @@ use super::jumps::Timed;
 use super::progress::Progress;
 use super::residual::{self, MEASURED};
 use super::search::Rival;
-use crate::fit::{self, Prepared, Steps};
+use crate::fit::{self, Prepared, Reading, Steps};
 use crate::interrupt;
 use crate::rig::Rig;
 use eha_monitor::channel::Channel;
@@ -16,11 +16,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Standard deviations of the residual tests: with four channels, a chance of 1e-4 of a false alarm.
 const RESIDUAL_LIMIT: f64 = 5.0;
 
-/// Most that is spent on a search where nobody says otherwise, s of one core: so many for each second of the fitted records,
-/// or for a thousand samples where these are closer, between two bounds.
-const EFFORT_PER_SECOND: f64 = 24.0;
-const LEAST_EFFORT_S: f64 = 30.0;
-const MOST_EFFORT_S: f64 = 240.0;
+/// Most that is spent on a search where nobody says otherwise, s of one core for each second of the fitted records, or for a
+/// thousand samples where these are closer.
+pub const EFFORT_PER_SECOND: f64 = 24.0;
+/// Bounds of that, s of one core.
+pub const EFFORT_BOUNDS_S: [f64; 2] = [30.0, 240.0];
 
 /// The place of the pressure difference among the measured channels.
 const PRESSURE: usize = 3;
@@ -48,7 +48,7 @@ pub struct Case<'a> {
     /// Once, in the likeliest reading.
     pub(super) searches_far: bool,
     /// Most that is spent on the search, s of one core as [`fit::spent_s`] counts them: what is begun then is ended.
-    pub(super) effort_s: f64,
+    pub effort_s: f64,
     /// Whether that was not enough.
     pub(super) cut: Option<&'a AtomicBool>,
     /// Whom it tells where it stands.
@@ -57,10 +57,10 @@ pub struct Case<'a> {
 
 /// Most that is spent on a search that fits some records where nobody says otherwise, s of one core: longer ones take longer
 /// to simulate, and tell more.
-pub fn usual_effort_s(fitted: &[Prepared]) -> f64 {
+fn usual_effort_s(fitted: &[Prepared]) -> f64 {
     let worth = |record: &Prepared| record.duration().max(record.len() as f64 * 1e-3);
     let seconds: f64 = fitted.iter().map(worth).sum();
-    (EFFORT_PER_SECOND * seconds).clamp(LEAST_EFFORT_S, MOST_EFFORT_S)
+    (EFFORT_PER_SECOND * seconds).clamp(EFFORT_BOUNDS_S[0], EFFORT_BOUNDS_S[1])
 }
 
 impl<'a> Case<'a> {
@@ -70,6 +70,14 @@ impl<'a> Case<'a> {
         'a: 'b,
     {
         Case { rig, ..*self }
+    }
+
+    /// The same records in a reading of them, of which is told in some words.
+    pub(super) fn read_as<'b>(&self, Reading { rig, records }: &'b Reading, words: &'static str) -> Case<'b>
+    where
+        'a: 'b,
+    {
+        Case { rig, records, ..self.part([0.0, 1.0], words) }
     }
 
     /// Tells that a candidate was fitted, if that led anywhere.
@@ -114,12 +122,6 @@ impl<'a> Case<'a> {
             cut: None,
             progress: Progress::SILENT,
         }
-    }
-
-    /// The same with another effort, s of one core, at most.
-    #[must_use]
-    pub const fn within(self, effort_s: f64) -> Self {
-        Self { effort_s, ..self }
     }
 
     /// Is the search to end, because the user wants it to or its effort is used up? For what is done by one thread: what
@@ -188,7 +190,7 @@ impl<'a> Case<'a> {
 #[cfg(test)]
 mod tests {
     use super::super::signature::tests::record;
-    use super::{EFFORT_PER_SECOND, LEAST_EFFORT_S, MOST_EFFORT_S, usual_effort_s};
+    use super::{EFFORT_BOUNDS_S, EFFORT_PER_SECOND, usual_effort_s};
     use crate::fit;
     use crate::record::Record;
     use crate::rig::Rig;
@@ -201,7 +203,7 @@ mod tests {
         assert_eq!(second.duration(), 1.0);
         let effort_of = |count: usize| usual_effort_s(&vec![second.clone(); count]);
         assert_eq!([effort_of(2), effort_of(3)], [2.0 * EFFORT_PER_SECOND, 3.0 * EFFORT_PER_SECOND]);
-        assert_eq!([effort_of(1), effort_of(20)], [LEAST_EFFORT_S, MOST_EFFORT_S]);
+        assert_eq!([effort_of(1), effort_of(20)], EFFORT_BOUNDS_S);
         // A thousand samples of a fast record take as many steps as a second.
         let swing: Vec<f64> = (0..2000).map(|k| 1e-3 * (f64::from(k) * 0.01).sin()).collect();
         let channels = vec![(Channel::Command, swing.clone()), (Channel::UserPosition, swing)];

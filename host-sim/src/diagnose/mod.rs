@@ -46,7 +46,7 @@ mod signature;
 mod trade;
 mod weighing;
 
-pub use case::{Case, usual_effort_s};
+pub use case::{Case, EFFORT_BOUNDS_S, EFFORT_PER_SECOND};
 pub use diagnosis::{Diagnosis, Early, Fault, Found, Score, Verdict, score};
 
 use crate::fit::{self, FitSettings, Prepared};

@@ -18,6 +18,8 @@ use std::iter;
 const NO_DIFFERENCE: f64 = 1.0;
 /// Seeds from which the declared faults are fitted where the first leaves more than noise.
 const ROOT_SEEDS: u64 = 8;
+/// What is told of a reading in which a computer holds the command from sample to sample.
+const HELD: &str = ", command held";
 
 /// A diagnosis, and the models behind it.
 pub(super) struct Answer {
@@ -84,8 +86,7 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     case.progress.begin("fitting the declared faults", [0.0, 0.05]);
     let own = Declared::of(case, settings);
     let readings = Reading::all(case.rig, case.records);
-    let cases: Vec<Case<'_>> =
-        readings.iter().map(|Reading { rig, records }| Case { rig, records, ..*case }).collect();
+    let cases: Vec<Case<'_>> = readings.iter().map(|reading| case.read_as(reading, "")).collect();
     let differs = |other: &&Case<'_>| readings_apart(&own.root.rig, case, other) > NO_DIFFERENCE;
     let others: Vec<(&Case<'_>, Declared)> =
         cases.iter().skip(1).filter(differs).map(|other| (other, Declared::of(other, settings))).collect();
@@ -96,7 +97,7 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     let (held, held_case);
     if !declared.begun(there).leaves_noise && !case.is_over() {
         held = fit::on_path(&case.rig.with_spool_of(there.rig), case.records, CommandPath::Held);
-        held_case = held.as_ref().map(|reading| in_held(case, reading));
+        held_case = held.as_ref().map(|reading| case.read_as(reading, HELD));
         let least = misfits.iter().map(|misfit| misfit.chi_square).fold(f64::INFINITY, f64::min);
         read.extend(held_case.as_ref().and_then(|held| {
             let declared = Declared::from_seeds(held, settings, 1);
@@ -136,17 +137,12 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     if other.is_better_than(&answer, scale) { other } else { answer }
 }
 
-/// A case read as one whose commands a computer holds from sample to sample.
-fn in_held<'a>(case: &Case<'a>, Reading { rig, records }: &'a Reading) -> Case<'a> {
-    Case { rig, records, ..case.part([0.0, 1.0], ", command held") }
-}
-
 /// The answer to a case whose commands a computer holds from sample to sample, which is half a sample of delay, where that
 /// explains the records in place of a delay of the sensor.
 pub(super) fn diagnose_held(case: &Case<'_>, without: &Answer, settings: &FitSettings) -> Option<Answer> {
     let model = without.without_delay(case)?;
     let reading = fit::on_path(case.rig, case.records, CommandPath::Held)?;
-    let held = in_held(case, &reading).another();
+    let held = case.read_as(&reading, HELD).another();
     held.progress.begin("fitting it without the delay", [0.0, 0.05]);
     if case.is_over() || !model.refitted(&held).leaves_noise(&held) {
         return None;

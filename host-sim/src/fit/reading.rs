@@ -111,7 +111,7 @@ pub fn fit_as_read(
     }
     let generations = generations(&visits, settings.population);
     let seconds = fitted.iter().map(|(_, fit)| fit.seconds).sum();
-    let interrupted = fitted.iter().any(|(_, fit)| fit.interrupted);
+    let interrupted = is_interrupted(&fitted);
     let (reading, fit) = fitted.swap_remove(chosen);
     let mut fit = Fit { evaluations, generations, seconds, interrupted, visits, reading: chosen, ..fit };
     let mut is_open = false;

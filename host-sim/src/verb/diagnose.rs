@@ -3,7 +3,7 @@
 use super::files::{Files, common_samples};
 use super::{DEFAULT_RIG, InputOptions};
 use crate::cli::Common;
-use crate::diagnose::{Case, Diagnosis, Early, Score, Verdict, diagnose, usual_effort_s};
+use crate::diagnose::{Case, Diagnosis, EFFORT_BOUNDS_S, EFFORT_PER_SECOND, Early, Score, Verdict, diagnose};
 use crate::failure::Failure;
 use crate::fit::{self, Bounds, Estimate, FitSettings, LoopScore, Prepared};
 use crate::interrupt;
@@ -38,10 +38,7 @@ pub struct Options {
     holdout: Vec<PathBuf>,
     #[command(flatten)]
     input: InputOptions,
-    /// Most work of the search, about so many seconds of one core: counted in steps of the simulation, so that a result
-    /// repeats on any machine. What was found by then is the result, and the exit code is 4. [default: 24 for each second of
-    /// the fitted records, 30 to 240]
-    #[arg(long, value_name = "S", value_parser = effort)]
+    #[arg(long, value_name = "S", value_parser = effort, help = effort_help())]
     effort: Option<f64>,
     /// Where to write the final model's prediction of the (first) held-out record (CSV, or Parquet if it ends so).
     #[arg(long, value_name = "FILE.csv|.parquet", requires = "holdout", value_parser = table_path())]
@@ -50,6 +47,15 @@ pub struct Options {
     /// it ends so); `trace.csv` in the directory of `--out` by default.
     #[arg(long, value_name = "FILE.csv|.parquet", value_parser = table_path())]
     trace: Option<PathBuf>,
+}
+
+fn effort_help() -> String {
+    let [least, most] = EFFORT_BOUNDS_S;
+    format!(
+        "Most work of the search, about so many seconds of one core: counted in steps of the simulation, so that a result \
+         repeats on any machine. What was found by then is the result, and the exit code is 4. [default: {EFFORT_PER_SECOND} \
+         for each second of the fitted records, {least} to {most}]"
+    )
 }
 
 fn effort(text: &str) -> Result<f64, String> {
@@ -143,9 +149,9 @@ impl Job<'_> {
                 "the rig declares no fault and no free parameter: there is nothing to fit",
             ));
         }
-        let usual = || usual_effort_s(&records[..self.train.len()]);
-        let effort_s = *self.effort_s.get_or_insert_with(usual);
-        let case = Case::new(&self.rig, &records, self.train.len()).within(effort_s);
+        let mut case = Case::new(&self.rig, &records, self.train.len());
+        let effort_s = self.effort_s.unwrap_or(case.effort_s);
+        case.effort_s = effort_s;
         let settings = FitSettings { seed: self.common.seed, ..FitSettings::default() };
         let bar = output::bar(self.common, 100, "diagnosing", Time::Gone);
         let mut diagnosis = diagnose(&case, &settings, &|stage| output::show_stage(&bar, stage));
@@ -167,7 +173,7 @@ impl Job<'_> {
             left.active = left.active.map(|since_start| self.train[0].start_time_s() + since_start);
         }
         let loops = self.loop_scores(&diagnosis);
-        let result = self.json(&diagnosis, &loops, started.elapsed().as_secs_f64());
+        let result = self.json(&diagnosis, &loops, effort_s, started.elapsed().as_secs_f64());
         Ok(Answer { diagnosis, loops, result })
     }
 
@@ -181,7 +187,7 @@ impl Job<'_> {
         })
     }
 
-    fn json(&self, diagnosis: &Diagnosis, loops: &OfParts<LoopScore>, seconds: f64) -> Value {
+    fn json(&self, diagnosis: &Diagnosis, loops: &OfParts<LoopScore>, effort_s: f64, seconds: f64) -> Value {
         let pair = |scores: &[Score; 2]| json!({ "before_rms_m": output::number(scores[0].position_rms), "after_rms_m": output::number(scores[1].position_rms) });
         let estimates =
             |estimates: &[Estimate]| estimates.iter().map(output::estimate_json).collect::<Vec<_>>();
@@ -214,7 +220,7 @@ impl Job<'_> {
             .collect();
         let mut config = output::config_json(self.common, &self.rig, &self.rig.declared(), &self.names);
         let FitSettings { population, budget, .. } = FitSettings::default();
-        config["search"] = json!({ "population": population, "budget": budget, "effort_s": self.effort_s });
+        config["search"] = json!({ "population": population, "budget": budget, "effort_s": effort_s });
         json!({
             "schema": SCHEMA,
             "verdict": diagnosis.verdict.name(),
