@@ -87,7 +87,7 @@ pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
     if common.json {
         output::print_json(&answer.result)?;
         saved?;
-        return answer.check();
+        return job.check(&answer);
     }
     let truth: Vec<String> = TRUTH
         .iter()
@@ -103,7 +103,7 @@ pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
     let saved = saved.and_then(|()| output::save(common, PRINTED_FILE, || Ok(text.clone())));
     output::print(&text)?;
     saved?;
-    answer.check()
+    job.check(&answer)
 }
 
 fn fly(rig: &Rig, name: &str, seed: u64) -> Result<Record, Failure> {

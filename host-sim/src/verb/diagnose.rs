@@ -53,8 +53,8 @@ fn effort_help() -> String {
     let [least, most] = EFFORT_BOUNDS_S;
     format!(
         "Most work of the search, about so many seconds of one core: counted in steps of the simulation, so that a result \
-         repeats on any machine. What was found by then is the result, and the exit code is 4. [default: {EFFORT_PER_SECOND} \
-         for each second of the fitted records, {least} to {most}]"
+         repeats on any machine. What was found by then is the result; the exit code is then 4 if this option is given. \
+         [default: {EFFORT_PER_SECOND} for each second of the fitted records, {least} to {most}]"
     )
 }
 
@@ -97,7 +97,18 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         output::print(job.text(&answer).trim_end())?;
     }
     saved?;
-    answer.check()
+    job.check(&answer)
+}
+
+/// A search that needs more effort than a user allows has not converged. What was found within the usual effort is a result
+/// like any other, and says that it was used up.
+fn check_effort(allowed_s: Option<f64>, early: Option<Early>) -> Result<(), Failure> {
+    if allowed_s.is_some() && early == Some(Early::OutOfEffort) {
+        return Err(Failure::convergence(
+            "the search used up its effort: the result is what was found by then; allow more with --effort",
+        ));
+    }
+    Ok(())
 }
 
 /// A diagnosis of records that were read.
@@ -122,19 +133,13 @@ pub(super) struct Answer {
     pub(super) result: Value,
 }
 
-impl Answer {
-    /// A result of a search that ended early is no success.
-    pub(super) fn check(&self) -> Result<(), Failure> {
-        if self.diagnosis.early == Some(Early::OutOfEffort) {
-            return Err(Failure::convergence(
-                "the search used up its effort: the result is what was found by then; allow more with --effort",
-            ));
-        }
+impl Job<'_> {
+    /// A result of a search that the user ended, or that needs more effort than the user allows, is no success.
+    pub(super) fn check(&self, answer: &Answer) -> Result<(), Failure> {
+        check_effort(self.effort_s, answer.diagnosis.early)?;
         interrupt::check()
     }
-}
 
-impl Job<'_> {
     /// The records that are fitted, then those that are held out.
     fn records(&self) -> impl Iterator<Item = &Record> {
         self.train.iter().chain(&self.holdout)
@@ -396,5 +401,20 @@ fn next_experiment(job: &Job<'_>, diagnosis: &Diagnosis) -> String {
             .to_owned()
     } else {
         String::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Early, check_effort};
+    use crate::failure::FailureKind;
+
+    #[test]
+    fn only_an_effort_that_a_user_allows_can_be_too_small() {
+        let kind = |allowed_s, early| check_effort(allowed_s, early).err().map(|failure| failure.kind);
+        assert_eq!(kind(Some(1.0), Some(Early::OutOfEffort)), Some(FailureKind::Convergence));
+        assert_eq!(kind(None, Some(Early::OutOfEffort)), None);
+        assert_eq!(kind(Some(1.0), Some(Early::Interrupted)), None);
+        assert_eq!(kind(Some(1.0), None), None);
     }
 }
