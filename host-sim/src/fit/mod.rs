@@ -49,7 +49,7 @@ pub use engine::is_affine;
 use engine::{FIT_TOLERANCE, Job, LOOK_TOLERANCE, on_records};
 
 /// Most parameters that one fit may free.
-pub const MAX_FREE: usize = 16;
+pub const MAX_FREE: usize = 20;
 /// Most members of a population.
 pub const MAX_POPULATION: usize = 64;
 
