@@ -23,6 +23,9 @@ const GROWTH: f64 = 1.15;
 const STRIDE: usize = 4;
 /// How many of them, the first that ask for something and those after it, are searched before an effect is given up.
 const TRIES: usize = 2;
+/// Every span of an effect is searched with such a part of the evaluations at first, and such a part of them, the best, with
+/// all.
+const SIEVE: u32 = 4;
 /// Mean square, in units of the noise, of what an effect leaves of them from which on it does not explain them.
 const BEYOND_NOISE: f64 = 2.0;
 
@@ -67,25 +70,37 @@ impl Hypothesis {
     ) -> Option<Candidate> {
         let declared = &self.ranges[..self.rig.declared().len()];
         let kept = Place::of(&self.rig, &self.ranges).values.split_off(declared.len());
-        let searched = |records: &Vec<Prepared>| {
-            let settings = FitSettings { budget: searches_within(settings.budget, records), ..*settings };
-            let within = |span: Vec<Range>| {
-                let ranges = [declared, &span].concat();
-                let fit = fit::fit(&self.rig, &ranges, records, &settings, |_| {}).polished();
-                if kept.is_empty() {
-                    // The search has been to the bottom already.
-                    return Some(Candidate { effect, ranges, fit });
-                }
-                let (faults, size) = fit.values.split_at(declared.len());
-                let all = [&self.ranges[..], &span].concat();
-                let start = [faults, &kept, size].concat();
-                let (ranges, fit) = candidate::fitted(&self.rig, all, &start, records)?;
-                Some(Candidate { effect, ranges, fit })
-            };
-            let spans = place::spans_of_moments(effect, &self.rig, records).into_par_iter();
-            spans.filter(|_| !interrupt::requested()).filter_map(within).min_by(candidate::lower)
-        };
         let explains = |found: &Candidate| within_noise(&found.fit.misfit);
+        let searched = |records: &Vec<Prepared>| {
+            let budget = searches_within(settings.budget, records);
+            let within = |ranges: Vec<Range>, budget: u32| {
+                let settings = FitSettings { budget, ..*settings };
+                let fit = fit::fit(&self.rig, &ranges, records, &settings, |_| {}).polished();
+                Candidate { effect, ranges, fit }
+            };
+            let mut rough: Vec<Candidate> = place::spans_of_moments(effect, &self.rig, records)
+                .into_par_iter()
+                .filter(|_| !interrupt::requested())
+                .map(|span| within([declared, &span].concat(), budget / SIEVE))
+                .collect();
+            rough.sort_by(candidate::lower);
+            let best = if rough.first().is_some_and(explains) {
+                rough.swap_remove(0)
+            } else {
+                rough.truncate(rough.len().div_ceil(SIEVE as usize));
+                let thorough = |rough: Candidate| within(rough.ranges, budget);
+                rough.into_par_iter().map(thorough).min_by(candidate::lower)?
+            };
+            if kept.is_empty() {
+                // The search has been to the bottom already.
+                return Some(best);
+            }
+            let (faults, size) = best.fit.values.split_at(declared.len());
+            let all = [&self.ranges[..], &best.ranges[declared.len()..]].concat();
+            let start = [faults, &kept, size].concat();
+            let (ranges, fit) = candidate::fitted(&self.rig, all, &start, records)?;
+            Some(Candidate { effect, ranges, fit })
+        };
         let tried = moments.iter().take(TRIES).enumerate();
         let mut found = tried.filter_map(|(moment, records)| Some((moment, searched(records)?)));
         let (mut moment, mut here) = found.find(|(_, found)| explains(found))?;

@@ -78,8 +78,8 @@ impl Answer {
 ///
 /// Records do not say what a command does between its samples, nor a rig when its spool sticks: the likeliest of the
 /// readings that the rig leaves open is taken (see [`Reading::all`]). What is missing may speak for the wrong one: where
-/// one effect does not explain the records in it, the readings are judged again by the best that one effect makes of
-/// each, and a command that a computer holds is one of them, if the declared faults leave less in it. Where another one
+/// one effect does not explain the records in it, and no rival does, the readings are judged again by the best that one
+/// effect makes of each, and a command that a computer holds is one of them, if the declared faults leave less in it. Where another one
 /// makes a difference to what is found in the one that is taken, and may be it as well, it is tried too; also where nothing
 /// explains the records, and one effect leaves less of them in the other.
 pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answer {
@@ -94,8 +94,10 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     let misfits: Vec<Misfit<f64>> = read.iter().map(|(_, declared)| declared.root.joint.misfit).collect();
     let mut likeliest = fit::speaks_for(&misfits);
     let (there, declared) = &read[likeliest];
+    let first = declared.begun(there);
+    let is_settled = first.leaves_noise || case.rival.is_some_and(|rival| rival.settles(first));
     let (held, held_case);
-    if !declared.begun(there).leaves_noise && !case.is_over() {
+    if !is_settled && !case.is_over() {
         held = fit::on_path(&case.rig.with_spool_of(there.rig), case.records, CommandPath::Held);
         held_case = held.as_ref().map(|reading| case.read_as(reading, HELD));
         let least = misfits.iter().map(|misfit| misfit.chi_square).fold(f64::INFINITY, f64::min);

@@ -84,6 +84,11 @@ impl Rival {
         model.cost(self.scale) > self.cost + TOLD_APART && (self.leaves_noise || is_grown)
     }
 
+    /// Does it explain the records, and do they speak for it against all that a first round found?
+    pub(super) fn settles(&self, first: &FirstRound) -> bool {
+        self.leaves_noise && first.models().all(|model| self.beats(model))
+    }
+
     /// Do the fitted records alone speak for it?
     fn beats_of_fitted(&self, model: &Hypothesis) -> bool {
         model.cost_of_fitted(self.scale) > self.cost_of_fitted + TOLD_APART
