@@ -135,12 +135,16 @@ impl<T: Real> Corridor<T> {
             let slack = self.slack_of(index);
             let (lower, upper) = (self.lower[index] - slack, self.upper[index] + slack);
             // What went to and fro on the way may have turned back anywhere on it.
-            let [dip, bulge] = if detour > T::ZERO {
-                [quarter.smaller(T::ZERO) - detour, quarter.larger(T::ZERO) + detour]
+            if detour > T::ZERO {
+                let margin = quarter.magnitude() + detour;
+                return from.smaller(to) - margin >= lower && from.larger(to) + margin <= upper;
+            }
+            // What moves away from a bound that it was within is further within it.
+            if quarter < T::ZERO {
+                to + quarter >= lower && from + quarter >= lower && to <= upper
             } else {
-                [quarter; 2]
-            };
-            to >= lower && to <= upper && from.smaller(to) + dip >= lower && from.larger(to) + bulge <= upper
+                to + quarter <= upper && from + quarter <= upper && to >= lower
+            }
         };
         let [error, flapper] = *detour;
         keeps(ERROR, error)
