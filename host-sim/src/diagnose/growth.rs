@@ -200,6 +200,9 @@ impl Hypothesis {
         }
         let mut candidates = self.promising(case, all_wanted);
         for _ in 0..MOST_MOVES {
+            if case.is_over() {
+                break;
+            }
             let Some(moved) = self.moved(case, &candidates) else { break };
             *self = moved;
             candidates = self.promising(case, all_wanted);

@@ -78,10 +78,10 @@ impl Answer {
 ///
 /// Records do not say what a command does between its samples, nor a rig when its spool sticks: the likeliest of the
 /// readings that the rig leaves open is taken (see [`Reading::all`]). What is missing may speak for the wrong one: where
-/// one effect does not explain the records in it, and no rival does, the readings are judged again by the best that one
-/// effect makes of each, and a command that a computer holds is one of them, if the declared faults leave less in it. Where another one
-/// makes a difference to what is found in the one that is taken, and may be it as well, it is tried too; also where nothing
-/// explains the records, and one effect leaves less of them in the other.
+/// one effect does not explain the records in it, the readings are judged again by the best that one effect makes of each, and
+/// a command that a computer holds is one of them, if the declared faults leave less in it: unless a rival explains them, and
+/// that one leaves no less. Where another one makes a difference to what is found in the one that is taken, and may be it as
+/// well, it is tried too; also where nothing explains the records, and one effect leaves less of them in the other.
 pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answer {
     case.progress.begin("fitting the declared faults", [0.0, 0.05]);
     let own = Declared::of(case, settings);
@@ -95,9 +95,9 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     let mut likeliest = fit::speaks_for(&misfits);
     let (there, declared) = &read[likeliest];
     let first = declared.begun(there);
-    let is_settled = first.leaves_noise || case.rival.is_some_and(|rival| rival.settles(first));
+    let is_settled = case.rival.is_some_and(|rival| rival.settles(first));
     let (held, held_case);
-    if !is_settled && !case.is_over() {
+    if !first.leaves_noise && !case.is_over() {
         held = fit::on_path(&case.rig.with_spool_of(there.rig), case.records, CommandPath::Held);
         held_case = held.as_ref().map(|reading| case.read_as(reading, HELD));
         let least = misfits.iter().map(|misfit| misfit.chi_square).fold(f64::INFINITY, f64::min);
@@ -105,8 +105,10 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
             let declared = Declared::from_seeds(held, settings, 1);
             (declared.root.joint.misfit.chi_square < least).then_some((held, declared))
         }));
-        let best = |(case, declared): &(&Case<'_>, Declared)| declared.begun(case).best().joint.misfit;
-        likeliest = fit::speaks_for(&read.iter().map(best).collect::<Vec<_>>());
+        if !is_settled || read.len() > misfits.len() {
+            let best = |(case, declared): &(&Case<'_>, Declared)| declared.begun(case).best().joint.misfit;
+            likeliest = fit::speaks_for(&read.iter().map(best).collect::<Vec<_>>());
+        }
     }
     let is_one = read.len() == 1;
     let (here, declared) = read.swap_remove(likeliest);

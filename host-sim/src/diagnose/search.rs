@@ -189,6 +189,9 @@ impl Growth<'_> {
             let label = round(stage);
             let mut grown: Vec<Hypothesis> = Vec::new();
             for (index, hypothesis) in beam.iter_mut().enumerate() {
+                if self.case.is_over() {
+                    break;
+                }
                 let share = |index: usize| {
                     from + (stage as f64 + index as f64 / BEAM as f64) / MOST_EFFECTS as f64 * (to - from)
                 };
