@@ -58,9 +58,7 @@ impl Hypothesis {
         if may_be_far && !case.is_over() { self.effects_followed(case, settings) } else { Vec::new() }
     }
 
-    /// An effect fitted from moment to moment, and to the whole; none where it explains none of the first. It is searched
-    /// for together with the faults, the effects that are there already as they are, and then fitted with all that is
-    /// free.
+    /// An effect fitted from moment to moment, and to the whole; none where it explains none of the first.
     fn follow(
         &self,
         effect: &'static EffectInfo,
@@ -68,41 +66,10 @@ impl Hypothesis {
         whole: &[Prepared],
         settings: &FitSettings,
     ) -> Option<Candidate> {
-        let declared = &self.ranges[..self.rig.declared().len()];
-        let kept = Place::of(&self.rig, &self.ranges).values.split_off(declared.len());
         let explains = |found: &Candidate| within_noise(&found.fit.misfit);
-        let searched = |records: &Vec<Prepared>| {
-            let budget = searches_within(settings.budget, records);
-            let within = |ranges: Vec<Range>, budget: u32| {
-                let settings = FitSettings { budget, ..*settings };
-                let fit = fit::fit(&self.rig, &ranges, records, &settings, |_| {}).polished();
-                Candidate { effect, ranges, fit }
-            };
-            let mut rough: Vec<Candidate> = place::spans_of_moments(effect, &self.rig, records)
-                .into_par_iter()
-                .filter(|_| !interrupt::requested())
-                .map(|span| within([declared, &span].concat(), budget / SIEVE))
-                .collect();
-            rough.sort_by(candidate::lower);
-            let best = if rough.first().is_some_and(explains) {
-                rough.swap_remove(0)
-            } else {
-                rough.truncate(rough.len().div_ceil(SIEVE as usize));
-                let thorough = |rough: Candidate| within(rough.ranges, budget);
-                rough.into_par_iter().map(thorough).min_by(candidate::lower)?
-            };
-            if kept.is_empty() {
-                // The search has been to the bottom already.
-                return Some(best);
-            }
-            let (faults, size) = best.fit.values.split_at(declared.len());
-            let all = [&self.ranges[..], &best.ranges[declared.len()..]].concat();
-            let start = [faults, &kept, size].concat();
-            let (ranges, fit) = candidate::fitted(&self.rig, all, &start, records)?;
-            Some(Candidate { effect, ranges, fit })
-        };
         let tried = moments.iter().take(TRIES).enumerate();
-        let mut found = tried.filter_map(|(moment, records)| Some((moment, searched(records)?)));
+        let mut found = tried
+            .filter_map(|(moment, records)| Some((moment, self.searched_in(records, effect, settings)?)));
         let (mut moment, mut here) = found.find(|(_, found)| explains(found))?;
         while moment + 1 < moments.len() && !interrupt::requested() {
             let at = |stride: usize| {
@@ -117,6 +84,45 @@ impl Hypothesis {
             (moment, here) = next;
         }
         here.finished(&self.rig, whole)
+    }
+
+    /// The best of an effect in some moments. It is searched for together with the faults, the effects that are there already
+    /// as they are, and then fitted with all that is free.
+    fn searched_in(
+        &self,
+        moments: &[Prepared],
+        effect: &'static EffectInfo,
+        settings: &FitSettings,
+    ) -> Option<Candidate> {
+        let (declared, others) = self.ranges.split_at(self.rig.declared().len());
+        let budget = searches_within(settings.budget, moments);
+        let searched = |ranges: Vec<Range>, budget: u32| {
+            let settings = FitSettings { budget, ..*settings };
+            let fit = fit::fit(&self.rig, &ranges, moments, &settings, |_| {}).polished();
+            Candidate { effect, ranges, fit }
+        };
+        let mut rough: Vec<Candidate> = place::spans_of_moments(effect, &self.rig, moments)
+            .into_par_iter()
+            .filter(|_| !interrupt::requested())
+            .map(|span| searched([declared, &span].concat(), budget / SIEVE))
+            .collect();
+        rough.sort_by(candidate::lower);
+        let best = if rough.first().is_some_and(|best| within_noise(&best.fit.misfit)) {
+            rough.swap_remove(0)
+        } else {
+            rough.truncate(rough.len().div_ceil(SIEVE as usize));
+            let thorough = rough.into_par_iter().map(|rough| searched(rough.ranges, budget));
+            thorough.min_by(candidate::lower)?
+        };
+        if others.is_empty() {
+            // The search has been to the bottom already.
+            return Some(best);
+        }
+        let (faults, size) = best.fit.values.split_at(declared.len());
+        let all = [&self.ranges[..], &best.ranges[declared.len()..]].concat();
+        let start = [faults, &Place::of(&self.rig, others).values, size].concat();
+        let (ranges, fit) = candidate::fitted(&self.rig, all, &start, moments)?;
+        Some(Candidate { effect, ranges, fit })
     }
 }
 

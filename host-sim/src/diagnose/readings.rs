@@ -105,7 +105,8 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
             let declared = Declared::from_seeds(held, settings, 1);
             (declared.root.joint.misfit.chi_square < least).then_some((held, declared))
         }));
-        if !is_settled || read.len() > misfits.len() {
+        let may_be_held = read.len() > misfits.len();
+        if may_be_held || !is_settled {
             let best = |(case, declared): &(&Case<'_>, Declared)| declared.begun(case).best().joint.misfit;
             likeliest = fit::speaks_for(&read.iter().map(best).collect::<Vec<_>>());
         }
