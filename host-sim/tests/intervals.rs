@@ -1,9 +1,9 @@
-//! What the intervals of the faults hold besides what the curvature at the fit makes of noise: the steps of a program, and
-//! valleys with many bottoms.
+//! What the intervals of the faults hold besides what the curvature at the fit makes of noise: the steps of a program, valleys
+//! with many bottoms, and the steps of a sensor.
 
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::identify::StopReason;
-use host_sim::fit::{self, Fit, FitSettings, Prepared};
+use host_sim::fit::{self, Fit, FitSettings, Polished, Prepared};
 use host_sim::record::Record;
 use host_sim::rig::Rig;
 use reference_plant::{Command, Gauss, Plant, Rule, SAMPLE_PERIOD};
@@ -99,4 +99,58 @@ fn intervals_hold_what_a_valley_with_many_bottoms_leaves_open() {
     let share = |count: u32| f64::from(count) / f64::from(of_all);
     assert!(share(held) > LEAST_HELD, "{held} of {of_all}");
     assert!(share(by_curvature) < MOST_HELD_BY_CURVATURE, "{by_curvature} of {of_all}");
+}
+
+/// A sensor that is read in steps, and its noise, which does not hide them.
+const STEP: f64 = 2e-5;
+const NOISE_OF_STEPS: f64 = 5e-7;
+/// Errors of the most likely values, as a part of those of least squares.
+const LIKELIER: f64 = 0.5;
+
+/// Backlash, m, and friction, N, of an actuator, and its position over a sine, read in steps: at each of its turns, in the
+/// same place of a step.
+fn stepped(rig: &Rig, actuator: u32) -> ([f64; 2], Prepared) {
+    let mut plant = Plant::default();
+    let truth = [3.0e-4 + 7e-6 * f64::from(actuator), 600.0 + 23.0 * f64::from(actuator)];
+    [plant.parameters.backlash, plant.parameters.jack_friction] = truth;
+    let command = |sample: u16| 2.1e-3 * (TAU * f64::from(sample) * SAMPLE_PERIOD / 0.5).sin();
+    let data = plant.record(&Command::Sampled((0..2100).map(command).collect(), SAMPLE_PERIOD), 2100);
+    let mut noise = Gauss::new(u64::from(actuator));
+    let read = |position: &f64| ((position + NOISE_OF_STEPS * noise.draw()) / STEP).round() * STEP;
+    let position = data.lvdt.iter().map(read).collect();
+    let channels = vec![(Channel::Command, data.command), (Channel::UserPosition, position)];
+    (truth, fit::prepare(rig, &Record::new("stepped", SAMPLE_PERIOD, 0.0, channels).unwrap()))
+}
+
+#[test]
+fn most_likely_values_know_that_a_sensor_is_read_in_steps() {
+    let rig = Rig::load("eha").unwrap();
+    let ranges = rig.declared();
+    let (mut held, mut held_by_squares, mut of_all) = (0, 0, 0);
+    let (mut errors, mut errors_of_squares) = (0.0_f64, 0.0_f64);
+    for actuator in 0..ACTUATORS {
+        let (truth, record) = stepped(&rig, actuator);
+        let records = [record];
+        let least = fit::polish(&rig, &ranges, &truth, &records).unwrap();
+        let likeliest = fit::most_likely(&rig, &ranges, &least, &records);
+        for (fault, truth) in truth.iter().enumerate() {
+            let off = |fit: &Polished| (fit.values[fault] - truth).abs();
+            let holds = |fit: &Polished| {
+                let error = fit::standard_errors(&rig, &ranges, fit, &records)[fault];
+                u32::from(off(fit) < fit::OF_95 * error)
+            };
+            held += holds(&likeliest);
+            held_by_squares += holds(&least);
+            of_all += 1;
+        }
+        errors += (likeliest.values[FDJ] - truth[FDJ]).powi(2);
+        errors_of_squares += (least.values[FDJ] - truth[FDJ]).powi(2);
+    }
+    let [error, of_squares] = [errors, errors_of_squares].map(|sum| (sum / f64::from(ACTUATORS)).sqrt());
+    println!("the truth is in {held} of {of_all} intervals, in {held_by_squares} by least squares");
+    println!("friction is off by {error:.0} N rms, by {of_squares:.0} N by least squares");
+    let share = |count: u32| f64::from(count) / f64::from(of_all);
+    assert!(share(held) > LEAST_HELD, "{held} of {of_all}");
+    assert!(share(held_by_squares) < LEAST_HELD, "{held_by_squares} of {of_all}");
+    assert!(error < LIKELIER * of_squares, "{error} N, {of_squares} N");
 }

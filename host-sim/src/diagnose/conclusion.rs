@@ -77,9 +77,13 @@ pub(super) fn conclude(
     let estimates_of = |model: &Hypothesis| {
         inflation.map_or_else(|| model.estimates(case), |inflation| model.inflated_estimates(case, inflation))
     };
-    let (rig, fit) =
-        if noise_only { (best.rig_of_all(), &best.joint) } else { (best.rig.clone(), &best.train) };
-    let estimates = estimates_of(best);
+    let (fit, estimates) = if noise_only {
+        let likeliest = best.likeliest(case);
+        let estimates = best.estimates_at(case, &likeliest);
+        (likeliest, estimates)
+    } else {
+        (best.train.clone(), estimates_of(best))
+    };
     let found: Vec<Found> = earned
         .iter()
         .zip(&open.stand_ins)
@@ -125,10 +129,10 @@ pub(super) fn conclude(
         holdout: (!case.holdout().is_empty()).then(|| scores(case.holdout())),
         left,
         is_open,
-        rig,
+        rig: fit.applied(&best.rig, &best.ranges),
         foretelling: best.rig.clone(),
         predictions,
-        before,
+        before: before.likeliest(case.rig, &case.rig.declared(), case.train()),
         records: case.records.to_vec(),
         jumps: None,
     }

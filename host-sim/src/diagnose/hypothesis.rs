@@ -170,10 +170,20 @@ impl Hypothesis {
 
     /// What is free where noise is what is left, as all records have it.
     pub(super) fn estimates(&self, case: &Case<'_>) -> Vec<Estimate> {
+        self.estimates_at(case, &self.likeliest(case))
+    }
+
+    /// The most likely fit of all records, where it leaves noise.
+    pub(super) fn likeliest(&self, case: &Case<'_>) -> Polished {
+        fit::most_likely(&self.rig_of_all(), &self.ranges, &self.joint, case.records)
+    }
+
+    /// What is free, given that fit.
+    pub(super) fn estimates_at(&self, case: &Case<'_>, likeliest: &Polished) -> Vec<Estimate> {
         let Self { ranges, joint, .. } = self;
         let rig = self.rig_of_all();
-        let errors = fit::standard_errors(&rig, ranges, joint, case.records);
-        let mut estimates = self.with_errors(case, joint, case.records, errors);
+        let errors = fit::standard_errors(&rig, ranges, likeliest, case.records);
+        let mut estimates = self.with_errors(case, likeliest, case.records, errors);
         let faults = case.rig.faults.len();
         Valley::around(&rig, ranges, joint, case.records, faults).widen(&mut estimates[..faults]);
         estimates

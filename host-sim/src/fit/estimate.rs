@@ -41,6 +41,16 @@ impl Estimate {
         (self.ci95[1] - self.value).max(self.value - self.ci95[0]) / OF_95
     }
 
+    /// Widens the interval to where one that was widened, on the sides on which it was, had gone.
+    pub(super) fn hold_beyond(&mut self, widened: [f64; 2], before: [f64; 2]) {
+        if widened[0] < before[0] {
+            self.ci95[0] = self.ci95[0].min(widened[0]);
+        }
+        if widened[1] > before[1] {
+            self.ci95[1] = self.ci95[1].max(widened[1]);
+        }
+    }
+
     /// Widens the interval to hold that of another estimate, which may be right as well.
     pub fn hold(&mut self, other: &Self) {
         self.ci95 = [self.ci95[0].min(other.ci95[0]), self.ci95[1].max(other.ci95[1])];

@@ -324,6 +324,11 @@ impl Prepared {
         &self.drive
     }
 
+    /// Do command and user position differ by a constant that nobody knows?
+    pub const fn offset_unknown(&self) -> bool {
+        self.offset_unknown
+    }
+
     /// The known controller that closes the loop.
     pub const fn law(&self) -> Option<Law<f64>> {
         self.law

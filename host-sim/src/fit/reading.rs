@@ -98,6 +98,11 @@ pub fn fit_as_read(
     };
     let mut fitted: Vec<(Reading, Fit)> = fitted.into_iter().map(settled).collect();
     let misfits: Vec<Misfit<f64>> = fitted.iter().map(|(_, fit)| fit.misfit).collect();
+    let likeliest = |(reading, fit): (Reading, Fit)| {
+        let fit = fit.likeliest(&reading.rig, ranges, &reading.records);
+        (reading, fit)
+    };
+    fitted = fitted.into_iter().map(likeliest).collect();
     let mut chosen = speaks_for(&misfits);
     if fitted[chosen].1.interrupted {
         chosen = 0;

@@ -2,7 +2,7 @@
 
 use super::engine::{self, FIT_TOLERANCE, Job, on_records};
 use super::estimate::{Estimate, estimates};
-use super::{Correlation, Polished, Prepared, Valley, Visit, noise, polish, systematic};
+use super::{Correlation, Polished, Prepared, Valley, Visit, most_likely, noise, polish, systematic};
 use crate::rig::{Range, Rig};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::identify::StopReason;
@@ -81,6 +81,28 @@ impl Fit {
         settled
     }
 
+    /// The fit at its most likely values, where it leaves noise and a sensor is read in steps. What its intervals hold besides
+    /// those of the curvature, they hold still.
+    #[must_use]
+    pub fn likeliest(self, rig: &Rig, ranges: &[Range], records: &[Prepared]) -> Self {
+        if self.stop != StopReason::NoiseReached {
+            return self;
+        }
+        let least = self.polished();
+        let likeliest = most_likely(rig, ranges, &least, records);
+        if likeliest.values == least.values {
+            return self;
+        }
+        let before = self.estimates.clone();
+        let mut moved =
+            on_records(rig, ranges, records, FIT_TOLERANCE, Moved { fit: self, bottom: &likeliest });
+        for ((estimate, before), range) in moved.estimates.iter_mut().zip(&before).zip(ranges) {
+            let by_curvature = Estimate::new(range, before.value, before.standard_error);
+            estimate.hold_beyond(before.ci95, by_curvature.ci95);
+        }
+        moved
+    }
+
     /// What a fit without a search would have given there.
     pub fn polished(&self) -> Polished {
         Polished {
@@ -109,7 +131,7 @@ impl Fit {
     }
 }
 
-/// A fit that leaves noise, moved to the bottom of its valley.
+/// A fit that leaves noise, moved to another place of its valley.
 struct Moved<'a> {
     fit: Fit,
     bottom: &'a Polished,
