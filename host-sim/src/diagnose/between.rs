@@ -62,7 +62,10 @@ impl Jumping {
                 first = beside;
             }
         }
-        let rival = first.rival(case);
+        // What does as well with its jumps at their samples needs no times.
+        let needs_times =
+            |rival: &Rival| first.model.added.is_empty() || rival.beats(&first.model.refitted(case));
+        let rival = first.rival(case).filter(needs_times);
         Some(Self { reading, jumps, first, rival })
     }
 

@@ -79,7 +79,7 @@ pub(super) struct Rival {
 
 impl Rival {
     /// Do all records speak for it against a model, and does it leave noise, or enough less than the model to be grown?
-    fn beats(&self, model: &Hypothesis) -> bool {
+    pub(super) fn beats(&self, model: &Hypothesis) -> bool {
         let is_grown = self.scale - 1.0 < (1.0 - GROWING_SHARE) * (model.scale() - 1.0);
         model.cost(self.scale) > self.cost + TOLD_APART && (self.leaves_noise || is_grown)
     }
