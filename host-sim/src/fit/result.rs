@@ -75,7 +75,7 @@ impl Fit {
         let mut settled = if bottom.misfit == self.misfit {
             self
         } else {
-            on_records(rig, ranges, records, FIT_TOLERANCE, Moved { fit: self, bottom })
+            on_records(rig, ranges, records, FIT_TOLERANCE, Moved { fit: self, there: bottom })
         };
         valley.widen(&mut settled.estimates);
         settled
@@ -95,7 +95,7 @@ impl Fit {
         }
         let before = self.estimates.clone();
         let mut moved =
-            on_records(rig, ranges, records, FIT_TOLERANCE, Moved { fit: self, bottom: &likeliest });
+            on_records(rig, ranges, records, FIT_TOLERANCE, Moved { fit: self, there: &likeliest });
         for ((estimate, before), range) in moved.estimates.iter_mut().zip(&before).zip(ranges) {
             let by_curvature = Estimate::new(range, before.value, before.standard_error);
             estimate.hold_beyond(before.ci95, by_curvature.ci95);
@@ -134,14 +134,14 @@ impl Fit {
 /// A fit that leaves noise, moved to another place of its valley.
 struct Moved<'a> {
     fit: Fit,
-    bottom: &'a Polished,
+    there: &'a Polished,
 }
 
 impl Job for Moved<'_> {
     type Output = Fit;
 
     fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Fit {
-        let Polished { values, misfit, covariance } = self.bottom;
+        let Polished { values, misfit, covariance } = self.there;
         let genes = polish::genes_of(problem, values);
         let of_genes = systematic::covariance_of_genes(problem, covariance);
         let systematic = systematic::of_genes(problem, &genes, &of_genes, steppers);
