@@ -310,7 +310,7 @@ impl Jumps {
             if !width.is_finite() {
                 return DVector::zeros(left.len());
             }
-            let width = if value + width > range.upper { -width } else { width };
+            let width = range.inward(value, width);
             let mut moved = rig.clone();
             moved.parameters.set(range.parameter, value + width);
             (residual(&moved, records) - &left) / width

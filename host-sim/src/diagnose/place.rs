@@ -92,10 +92,7 @@ impl Place {
         steps: u32,
     ) -> Option<(f64, Self)> {
         let before = self.ranges.len() - effect.parameters.len();
-        let mut there = rig.clone();
-        for (range, &value) in self.ranges.iter().zip(&self.values).skip(before) {
-            there.parameters.set(range.parameter, value);
-        }
+        let there = rig.with_values(&self.ranges[before..], &self.values[before..]);
         let found = fit::approach(&there, &self.ranges[..before], &self.values[..before], records, steps)?;
         let values = [&found.values, &self.values[before..]].concat();
         Some((found.misfit.chi_square, Self { ranges: self.ranges.clone(), values }))

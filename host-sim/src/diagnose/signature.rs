@@ -27,10 +27,7 @@ impl<'a> Signatures<'a> {
                 let (here, width) =
                     (rig.parameters.get(range.parameter), difference * (range.upper - range.lower));
                 let mut moved = rig.clone();
-                moved.parameters.set(
-                    range.parameter,
-                    if here + width > range.upper { here - width } else { here + width },
-                );
+                moved.parameters.set(range.parameter, here + range.inward(here, width));
                 (residual_of(&moved, records) - &residual).normalize()
             })
             .filter(|column| column.iter().all(|value| value.is_finite()))

@@ -45,11 +45,7 @@ impl Polished {
 
     /// The rig with the values in it.
     pub fn applied(&self, rig: &Rig, ranges: &[Range]) -> Rig {
-        let mut rig = rig.clone();
-        for (range, value) in ranges.iter().zip(&self.values) {
-            rig.parameters.set(range.parameter, *value);
-        }
-        rig
+        rig.with_values(ranges, &self.values)
     }
 }
 

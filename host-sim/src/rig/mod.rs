@@ -57,6 +57,11 @@ impl Range {
         makes_sense.then(|| Self { lower: self.lower.min(value), upper: self.upper.max(value), ..*self })
     }
 
+    /// A step of a width from a value, to the side on which the range goes on.
+    pub fn inward(&self, value: f64, width: f64) -> f64 {
+        if value + width > self.upper { -width } else { width }
+    }
+
     /// Is a value that a search gave at the lower, at the upper edge, but for rounding?
     pub fn at_edge(&self, value: f64) -> [bool; 2] {
         let rounding = 1e-9 * (self.upper - self.lower);
@@ -154,6 +159,16 @@ impl Rig {
     /// Does the spool stick as soon as its driving force would not set it going?
     pub fn has_sticking_spool(&self) -> bool {
         self.parameters.spool_rest_ratio >= self.parameters.spool_friction_ratio
+    }
+
+    /// The rig with values for the parameters of ranges.
+    #[must_use]
+    pub fn with_values(&self, ranges: &[Range], values: &[f64]) -> Self {
+        let mut rig = self.clone();
+        for (range, &value) in ranges.iter().zip(values) {
+            rig.parameters.set(range.parameter, value);
+        }
+        rig
     }
 
     /// The rig with a spool that sticks when that of another one does.

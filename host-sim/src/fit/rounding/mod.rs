@@ -24,8 +24,8 @@ const WORTH_A_STEP: f64 = 0.02;
 /// How often a step that leads down is halved.
 const HALVED: usize = 4;
 
-/// A fit of records that leaves noise, at the most likely values. It is the fit itself where no channel is read in steps, and
-/// where noise leaves less of their error than a model has of its own.
+/// A fit of records that leaves noise, at the most likely values. It is the fit itself where no channel is read in steps, where
+/// noise leaves less of their error than is believed of a channel, and where noise is coloured or an offset unknown.
 pub fn most_likely(rig: &Rig, ranges: &[Range], fit: &Polished, records: &[Prepared]) -> Polished {
     let shows_steps = |record: &Prepared| {
         iter::zip(record.steps, SMALLEST_NOISE)
@@ -104,11 +104,7 @@ impl Search<'_> {
 
     /// What is read minus what values predict, for each channel of each record.
     fn off(&self, values: &[f64]) -> Vec<Vec<f64>> {
-        let mut rig = self.rig.clone();
-        for (range, &value) in iter::zip(self.ranges, values) {
-            rig.parameters.set(range.parameter, value);
-        }
-        let predictions = predict(&rig, self.records);
+        let predictions = predict(&self.rig.with_values(self.ranges, values), self.records);
         let series: Vec<_> = self.records.iter().map(Prepared::as_core).collect();
         let of_channel = |channel| residual_series(&series, &predictions, channel);
         (0..MEASURED).flat_map(of_channel).map(|off| present(&off)).collect()
@@ -158,7 +154,7 @@ impl Search<'_> {
             return here_off.map(|_| 0.0).collect();
         }
         let width = DIFFERENCE * self.fit.standard_error(index);
-        let width = if here.values[index] + width > self.ranges[index].upper { -width } else { width };
+        let width = self.ranges[index].inward(here.values[index], width);
         let mut values = here.values.clone();
         values[index] += width;
         let off = self.off(&values);
