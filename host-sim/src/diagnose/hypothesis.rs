@@ -99,7 +99,11 @@ impl Hypothesis {
 
     /// This model fitted to the records of another case, of which its own are a part or which are a part of its own.
     pub(super) fn refitted(&self, case: &Case<'_>) -> Self {
-        self.refitted_from(self.train.values.clone(), case)
+        let rig = self.rig.with_spool_of(case.rig);
+        let shown = |effect: &&EffectInfo| place::shown_by(effect, &rig, &self.ranges, case.train());
+        let here = Place { ranges: self.ranges.clone(), values: self.train.values.clone() };
+        let starts = iter::once(here).chain(self.added.iter().flat_map(shown)).collect();
+        self.refitted_from(starts, case)
     }
 
     /// This model with the values that it has, to the records of another case.
@@ -112,12 +116,14 @@ impl Hypothesis {
         Self::of(case, self.rig.clone(), self.ranges.clone(), fits, self.added.clone())
     }
 
-    /// The same from other values than its own.
-    pub(super) fn refitted_from(&self, values: Vec<f64>, case: &Case<'_>) -> Self {
-        let here = Place { ranges: self.ranges.clone(), values };
+    /// The same fitted to the records of a case that differ little from its own, from values near its own.
+    pub(super) fn moved_to(&self, values: Vec<f64>, case: &Case<'_>) -> Self {
+        self.refitted_from(vec![Place { ranges: self.ranges.clone(), values }], case)
+    }
+
+    /// The best that leads from some places to fits of the records of a case.
+    fn refitted_from(&self, starts: Vec<Place>, case: &Case<'_>) -> Self {
         let rig = self.rig.with_spool_of(case.rig);
-        let shown = |effect: &&EffectInfo| place::shown_by(effect, &rig, &self.ranges, case.train());
-        let starts: Vec<_> = iter::once(here).chain(self.added.iter().flat_map(shown)).collect();
         let (ranges, train) = starts
             .into_par_iter()
             .filter_map(|start| candidate::fitted(&rig, start.ranges, &start.values, case.train()))

@@ -73,7 +73,7 @@ impl Timed {
     pub(super) fn settled(mut self, case: &Case<'_>) -> Self {
         for _ in 0..MOST_STEPS {
             let Some((jumps, values)) = self.foreseen() else { break };
-            let moved = jumps.with(case, |case| self.model.refitted_from(values.clone(), case));
+            let moved = jumps.with(case, |case| self.model.moved_to(values.clone(), case));
             let fall = self.model.joint.misfit.chi_square - moved.model.joint.misfit.chi_square;
             if fall > 0.0 {
                 self = moved;
@@ -121,6 +121,7 @@ impl Timed {
             cost: model.cost(scale) + price,
             cost_of_fitted: model.cost_of_fitted(scale) + price,
             leaves_noise: model.leaves_noise(&self.case(case)),
+            effects: model.added.len(),
         })
     }
 
@@ -228,8 +229,8 @@ impl Jumps {
     /// Times them beside a model that was found in another reading of the records.
     pub(super) fn beside(&self, model: &Hypothesis, case: &Case<'_>) -> Timed {
         let rig = case.rig.with_spool_of(&model.rig);
-        let moved = |case: &Case<'_>| model.refitted(case);
-        self.timed(&case.under(&rig), moved, |_, case| moved(case))
+        let moved = |_: &Hypothesis, case: &Case<'_>| model.moved_to(model.train.values.clone(), case);
+        self.timed(&case.under(&rig), |case| model.refitted(case), moved)
     }
 
     /// A model as it is, with each jump at the place that suits it best. Where it leaves noise of the fitted records, their

@@ -75,6 +75,8 @@ pub(super) struct Rival {
     pub(super) cost_of_fitted: f64,
     /// Is what it leaves noise?
     pub(super) leaves_noise: bool,
+    /// How many effects it has beside the times of jumps.
+    pub(super) effects: usize,
 }
 
 impl Rival {
@@ -248,13 +250,17 @@ impl Growth<'_> {
     }
 
     /// Is there an explanation that all records like better than all that was tried? What the fitted ones ask for is looked
-    /// for as long as that leaves more than noise of them, if they do not like it better too.
+    /// for as long as that leaves more than noise of them, if they do not like it better too. Times of jumps make up for an
+    /// effect as well as another effect does: what leaves more than noise with them is no better than one effect more is.
     fn is_beaten(&self) -> bool {
         self.case.rival.is_some_and(|rival| {
+            let is_as_deep = || self.tried.iter().any(|known| known.added.len() > rival.effects);
             let settled = |asked: &Hypothesis| {
                 rival.leaves_noise || within_noise(&asked.train.misfit) || rival.beats_of_fitted(asked)
             };
-            self.tried.iter().all(|known| rival.beats(known)) && asked(&self.tried).is_none_or(settled)
+            (rival.leaves_noise || is_as_deep())
+                && self.tried.iter().all(|known| rival.beats(known))
+                && asked(&self.tried).is_none_or(settled)
         })
     }
 
@@ -456,4 +462,35 @@ fn asked(tried: &[Hypothesis]) -> Option<&Hypothesis> {
     let scales = tried.iter().map(|known| known.train.misfit.mean_square());
     let scale = scales.fold(f64::INFINITY, f64::min).max(1.0);
     tried.iter().min_by(|a, b| a.cost_of_fitted(scale).total_cmp(&b.cost_of_fitted(scale)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::signature::tests::{record, with};
+    use super::{Case, Growth, Hypothesis, Rival};
+    use crate::fit;
+    use crate::rig::Rig;
+    use eha_monitor::effect::EffectInfo;
+    use eha_monitor::parameter::Parameter;
+
+    #[test]
+    fn a_rival_with_something_left_is_no_better_than_one_more_effect() {
+        let rig = Rig::load("eha").unwrap();
+        let records = [record(&with(&rig, Parameter::ConstantLoad, 500.0))];
+        let is_beaten = |tried: &[&str], rival: Rival| {
+            let case = Case { rival: Some(rival), ..Case::new(&rig, &records, 1) };
+            let start = [rig.parameters.bkl, rig.parameters.fdj];
+            let fit = fit::polish(&rig, &rig.faults, &start, &records).unwrap();
+            let added = tried.iter().map(|name| EffectInfo::named(name).unwrap()).collect();
+            let fits = [fit.clone(), fit];
+            let known = Hypothesis::of(&case, rig.clone(), rig.declared(), fits, added);
+            Growth { case: &case, tried: vec![known] }.is_beaten()
+        };
+        let rival = Rival { scale: 2.0, cost: 0.0, cost_of_fitted: 0.0, leaves_noise: false, effects: 1 };
+        assert!(!is_beaten(&[], rival));
+        assert!(!is_beaten(&["leakage"], rival));
+        assert!(is_beaten(&["leakage", "stribeck"], rival));
+        assert!(is_beaten(&["leakage"], Rival { leaves_noise: true, ..rival }));
+        assert!(!is_beaten(&["leakage", "stribeck"], Rival { cost: f64::INFINITY, ..rival }));
+    }
 }
