@@ -5,6 +5,7 @@ use eha_monitor::channel::Channel;
 use eha_monitor::model::state::Outputs;
 use nalgebra::DVector;
 use std::f64::consts::{SQRT_2, TAU};
+use std::iter;
 use std::slice;
 
 /// Channels that the model predicts.
@@ -180,6 +181,26 @@ impl ChannelResidual {
     }
 }
 
+/// Position residual of a record at each sample, m; none where a sample is lost or not compared.
+fn left_at_each(record: &Prepared, outputs: &[Outputs<f64>]) -> Vec<Option<f64>> {
+    let left = |(sample, output): (usize, &Outputs<f64>)| {
+        let left = record.measured(0)[sample] - output.user;
+        (record.is_compared(sample) && left.is_finite()).then_some(left)
+    };
+    outputs.iter().enumerate().map(left).collect()
+}
+
+/// Root mean square of the position residual of a record in each of some equal parts of its time, m; none in a part of which
+/// nothing is compared.
+pub fn over_time(record: &Prepared, outputs: &[Outputs<f64>], parts: usize) -> Vec<Option<f64>> {
+    let left = left_at_each(record, outputs);
+    let in_part = |part: usize| {
+        let left = &left[part * left.len() / parts..(part + 1) * left.len() / parts];
+        left.iter().any(Option::is_some).then(|| fit::rms(left.iter().flatten().copied()))
+    };
+    (0..parts).map(in_part).collect()
+}
+
 /// What an unexplained residual goes with.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Description {
@@ -195,11 +216,9 @@ pub struct Description {
 pub fn describe(record: &Prepared, outputs: &[Outputs<f64>]) -> Description {
     let period = record.sample_period;
     let count = outputs.len();
+    let left = left_at_each(record, outputs);
     // What is lost or not compared adds nothing.
-    let left = |sample: usize| record.measured(0)[sample] - outputs[sample].user;
-    let is_there = |sample: usize| record.is_compared(sample) && left(sample).is_finite();
-    let residual: Vec<f64> =
-        (0..count).map(|sample| if is_there(sample) { left(sample) } else { 0.0 }).collect();
+    let residual: Vec<f64> = left.iter().map(|left| left.unwrap_or(0.0)).collect();
     let velocity: Vec<f64> = (0..count)
         .map(|k| (outputs[(k + 1).min(count - 1)].ram - outputs[k.saturating_sub(1)].ram) / (2.0 * period))
         .collect();
@@ -217,7 +236,7 @@ pub fn describe(record: &Prepared, outputs: &[Outputs<f64>]) -> Description {
         .map(|(name, feature)| {
             let product: f64 = residual.iter().zip(feature).map(|(a, b)| a * b).sum();
             let compared: Vec<f64> =
-                (0..count).filter(|&sample| is_there(sample)).map(|sample| feature[sample]).collect();
+                iter::zip(&left, feature).filter_map(|(left, &value)| left.map(|_| value)).collect();
             (*name, product / (norm(&residual) * norm(&compared)).max(f64::MIN_POSITIVE))
         })
         .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
@@ -294,6 +313,26 @@ mod tests {
             let (frequency, share) = tone.unwrap();
             assert!((frequency - 0.3e3 / TAU).abs() < 1.0 && share > 0.4, "{tone:?}");
         }
+    }
+
+    #[test]
+    fn what_is_left_is_shown_when_it_is_left() {
+        let rig = (BUILT_IN[0].make)();
+        let wave: Vec<f64> = (-100..300).map(|k| 4e-3 * (31.4e-3 * f64::from(k.max(0))).sin()).collect();
+        let off = |k: usize| if (100..200).contains(&k) { 1e-5 } else { 0.0 };
+        let lvdt = wave.iter().enumerate().map(|(k, x)| if k < 380 { x + off(k) } else { f64::NAN });
+        let channels = vec![(Channel::Command, wave.clone()), (Channel::UserPosition, lvdt.collect())];
+        let record = prepare(&rig, &Record::new("off", 1e-3, 0.0, channels).unwrap());
+        let outputs: Vec<Outputs<f64>> =
+            wave.iter().map(|&user| Outputs { user, ..Outputs::default() }).collect();
+        let left = over_time(&record, &outputs, 20);
+        let is_as = |left: Option<f64>, wanted: f64| left.is_some_and(|left| (left - wanted).abs() < 1e-12);
+        for (part, left) in left[..19].iter().enumerate() {
+            assert!(is_as(*left, off(20 * part)), "{part}: {left:?}");
+        }
+        assert_eq!(left[19], None);
+        // More parts than samples.
+        assert_eq!(over_time(&record, &outputs[..2], 4).iter().flatten().count(), 2);
     }
 
     #[test]

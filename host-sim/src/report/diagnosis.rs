@@ -39,6 +39,16 @@ pub(crate) struct Diagnosed<'a> {
 
 /// The parts that the records of a diagnosis fall into.
 pub(crate) const PARTS: [&str; 2] = ["fitted records", "held-out records"];
+/// What a record of each of them is called.
+pub(crate) const FITTED: &str = "fitted";
+pub(crate) const HELD_OUT: &str = "held out";
+
+/// Name of a record of one of the parts.
+pub(crate) fn name_of(path: &str, part: &str) -> String {
+    let name = short_name(path);
+    if name.contains(part) { name } else { format!("{name} ({part})") }
+}
+
 /// A score of each part, before and after; none where there is none.
 pub(crate) type OfParts<S> = [Option<[S; 2]>; 2];
 
@@ -50,24 +60,23 @@ pub(crate) fn diagnosis(case: &Diagnosed<'_>) -> String {
     let held_out = [fit::predict(&before, holdout), fit::predict(&diagnosis.foretelling, holdout)];
     let changed = !diagnosis.found.is_empty();
     let compare = |part: &'static str, index: usize| {
-        let (record, prepared, offset, outputs): (_, _, _, [&[Outputs<f64>]; 2]) = if part == "fitted" {
+        let (record, prepared, offset, outputs): (_, _, _, [&[Outputs<f64>]; 2]) = if part == FITTED {
             let outputs = [&diagnosis.before.predictions[index], &diagnosis.predictions[index]];
             (&case.train[index], &train[index], 0, outputs.map(Vec::as_slice))
         } else {
             let outputs = [&held_out[0][index], &held_out[1][index]];
             (&case.holdout[index], &holdout[index], case.train.len(), outputs.map(Vec::as_slice))
         };
-        let name = case.names.get(offset + index).map_or_else(String::new, |name| short_name(name));
+        let name = case.names.get(offset + index).map_or_else(String::new, |name| name_of(name, part));
         let mut models = vec![(Role::Before, "before", outputs[0])];
         if changed {
             models.push((Role::After, "after", outputs[1]));
         }
-        let name = if name.contains(part) { name } else { format!("{name} ({part})") };
         Compared { name, record, prepared, models }
     };
-    let fitted: Vec<Compared<'_>> = (0..case.train.len()).map(|index| compare("fitted", index)).collect();
+    let fitted: Vec<Compared<'_>> = (0..case.train.len()).map(|index| compare(FITTED, index)).collect();
     let predicted: Vec<Compared<'_>> =
-        (0..case.holdout.len()).map(|index| compare("held out", index)).collect();
+        (0..case.holdout.len()).map(|index| compare(HELD_OUT, index)).collect();
     let ranges = case.rig.declared();
     let mut sections = vec![("What was found", found(case))];
     sections.push((headings(diagnosis).0, estimates(diagnosis)));

@@ -141,7 +141,7 @@ impl Job<'_> {
     }
 
     /// The records that are fitted, then those that are held out.
-    fn records(&self) -> impl Iterator<Item = &Record> {
+    pub(super) fn records(&self) -> impl Iterator<Item = &Record> {
         self.train.iter().chain(&self.holdout)
     }
 

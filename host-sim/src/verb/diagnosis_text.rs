@@ -1,15 +1,51 @@
 //! A diagnosis as text.
 
 use super::diagnose::{Answer, Job};
-use crate::diagnose::Diagnosis;
-use crate::fit::{Estimate, LoopScore};
+use crate::diagnose::{Diagnosis, residual, score};
+use crate::fit::{self, Estimate, LoopScore};
 use crate::output::{self, effects_in_words};
-use crate::report::{OfParts, PARTS};
+use crate::record::Record;
+use crate::report::{FITTED, HELD_OUT, OfParts, PARTS, name_of};
 use comfy_table::Table;
 use serde_json::Value;
 use std::fmt::Write as _;
+use std::slice;
+
+/// Marks of a residual over time, one for each of as many steps up to the largest.
+const SHADES: &[u8; 8] = b".:-=+*#@";
+/// In so many parts of its time.
+const PARTS_OF_TIME: usize = 64;
 
 impl Job<'_> {
+    /// The position residual over the time of the record on which the model erred most before, of the held-out ones where
+    /// there are any.
+    fn residual_text(&self, diagnosis: &Diagnosis, text: &mut String) {
+        let fitted = self.train.len();
+        let (range, part) =
+            if self.holdout.is_empty() { (0..fitted, FITTED) } else { (fitted..self.names.len(), HELD_OUT) };
+        let before = diagnosis.before.applied(&self.rig);
+        let error = |index: usize| score(&before, &diagnosis.records[index..=index]).position_rms;
+        let Some(shown) = range.max_by(|&a, &b| error(a).total_cmp(&error(b))) else { return };
+        let record = &diagnosis.records[shown];
+        let left = [&before, &diagnosis.foretelling].map(|rig| {
+            let outputs = fit::predict(rig, slice::from_ref(record)).concat();
+            residual::over_time(record, &outputs, PARTS_OF_TIME)
+        });
+        let largest = left.iter().flatten().flatten().copied().fold(0.0, f64::max);
+        let start = self.records().nth(shown).map_or(0.0, Record::start_time_s);
+        let _ = writeln!(
+            text,
+            "\nits residual over {start} to {:.3} s of {}, from . (none) to @ ({}):",
+            start + record.duration(),
+            name_of(&self.names[shown], part),
+            output::quantity(largest, "m"),
+        );
+        for (when, left) in ["before", "after"].into_iter().zip(&left) {
+            let marks: String = left.iter().map(|left| shade(*left, largest)).collect();
+            let _ = writeln!(text, "  {when:<7} {marks}");
+        }
+    }
+
     /// The errors of an axis whose controller is known.
     fn closed_loop_text(&self, loops: &OfParts<LoopScore>, text: &mut String) {
         if loops.iter().all(Option::is_none) {
@@ -77,6 +113,7 @@ impl Job<'_> {
                 );
             }
         }
+        self.residual_text(diagnosis, &mut text);
         self.closed_loop_text(loops, &mut text);
         for table in tables(diagnosis) {
             let _ = writeln!(text, "\n{table}");
@@ -109,6 +146,14 @@ impl Job<'_> {
     }
 }
 
+/// The mark of a residual of which the largest is known; blank where there is none.
+fn shade(left: Option<f64>, largest: f64) -> char {
+    left.map_or(' ', |left| {
+        let step = (left / largest * SHADES.len() as f64) as usize;
+        char::from(SHADES[step.min(SHADES.len() - 1)])
+    })
+}
+
 /// The faults and the other free parameters, as far as there are any.
 fn tables(diagnosis: &Diagnosis) -> impl Iterator<Item = Table> {
     let row = |before: &Estimate, after: &Estimate| {
@@ -130,4 +175,18 @@ fn tables(diagnosis: &Diagnosis) -> impl Iterator<Item = Table> {
         free.add_row(row(before, after));
     }
     [faults, free].into_iter().filter(|table| !table.is_empty())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::shade;
+
+    #[test]
+    fn more_is_left_where_the_mark_is_darker() {
+        let marks = |left: [f64; 5]| left.map(|left| shade(Some(left), 8e-6)).iter().collect::<String>();
+        assert_eq!(marks([0.0, 0.9e-6, 1.1e-6, 7.1e-6, 8e-6]), "..:@@");
+        assert_eq!(shade(None, 8e-6), ' ');
+        // A model that leaves nothing at all.
+        assert_eq!(shade(Some(0.0), 0.0), '.');
+    }
 }
