@@ -132,7 +132,7 @@ fn most_likely_values_know_that_a_sensor_is_read_in_steps() {
         let (truth, record) = stepped(&rig, actuator);
         let records = [record];
         let least = fit::polish(&rig, &ranges, &truth, &records).unwrap();
-        let likeliest = fit::most_likely(&rig, &ranges, &least, &records);
+        let likeliest = fit::most_likely(&rig, &ranges, &least, &records).unwrap();
         for (fault, truth) in truth.iter().enumerate() {
             let off = |fit: &Polished| (fit.values[fault] - truth).abs();
             let holds = |fit: &Polished| {

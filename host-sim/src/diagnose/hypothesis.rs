@@ -181,7 +181,8 @@ impl Hypothesis {
 
     /// The most likely fit of all records, where it leaves noise.
     pub(super) fn likeliest(&self, case: &Case<'_>) -> Polished {
-        fit::most_likely(&self.rig_of_all(), &self.ranges, &self.joint, case.records)
+        let found = fit::most_likely(&self.rig_of_all(), &self.ranges, &self.joint, case.records);
+        found.unwrap_or_else(|| self.joint.clone())
     }
 
     /// What is free, given that fit.

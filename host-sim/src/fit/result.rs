@@ -88,11 +88,7 @@ impl Fit {
         if self.stop != StopReason::NoiseReached {
             return self;
         }
-        let least = self.polished();
-        let likeliest = most_likely(rig, ranges, &least, records);
-        if likeliest.values == least.values {
-            return self;
-        }
+        let Some(likeliest) = most_likely(rig, ranges, &self.polished(), records) else { return self };
         let before = self.estimates.clone();
         let mut moved =
             on_records(rig, ranges, records, FIT_TOLERANCE, Moved { fit: self, there: &likeliest });

@@ -35,7 +35,7 @@ impl Job<'_> {
         let start = self.records().nth(shown).map_or(0.0, Record::start_time_s);
         let _ = writeln!(
             text,
-            "\nits residual over {start} to {:.3} s of {}, from . (none) to @ ({}):",
+            "\nits residual over {start:.3} to {:.3} s of {}, from . (none) to @ ({}):",
             start + record.duration(),
             name_of(&self.names[shown], part),
             output::quantity(largest, "m"),

@@ -24,17 +24,17 @@ const WORTH_A_STEP: f64 = 0.02;
 /// How often a step that leads down is halved.
 const HALVED: usize = 4;
 
-/// A fit of records that leaves noise, at the most likely values. It is the fit itself where no channel is read in steps, where
-/// noise leaves less of their error than is believed of a channel, and where noise is coloured or an offset unknown.
-pub fn most_likely(rig: &Rig, ranges: &[Range], fit: &Polished, records: &[Prepared]) -> Polished {
+/// A fit of records that leaves noise, at the most likely values. None where least squares gives these: where no channel is read
+/// in steps, or noise leaves less of their error than is believed of a channel; and where noise is coloured, an offset unknown,
+/// or values trade off without end.
+pub fn most_likely(rig: &Rig, ranges: &[Range], fit: &Polished, records: &[Prepared]) -> Option<Polished> {
     let shows_steps = |record: &Prepared| {
         iter::zip(record.steps, SMALLEST_NOISE)
             .any(|(steps, smallest)| steps.is_some_and(|steps| steps.error > smallest))
     };
     let is_white = |record: &Prepared| record.colour == [0.0; MEASURED] && !record.offset_unknown();
     let is_rounded = records.iter().any(shows_steps) && records.iter().all(is_white);
-    let found = is_rounded.then(|| Search { rig, ranges, fit, records }.most_likely()).flatten();
-    found.unwrap_or_else(|| fit.clone())
+    is_rounded.then(|| Search { rig, ranges, fit, records }.most_likely()).flatten()
 }
 
 /// The way from a fit to the most likely values.
