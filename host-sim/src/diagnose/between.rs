@@ -55,6 +55,7 @@ impl Jumping {
         let mut first = jumps.timed(&curved, |case| Declared::of(case, settings).root, moved);
         if !first.model.leaves_noise(&first.case(case))
             && let Some(asked) = asked_by_calm(&curved, settings)
+            && !curved.is_over()
         {
             let beside = jumps.beside(&asked, &curved);
             let scale = least_scale([&first.model, &beside.model].into_iter());

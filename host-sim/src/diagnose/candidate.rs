@@ -146,6 +146,11 @@ impl Candidate {
         Some(Self { effect, ranges: start.ranges.clone(), fit })
     }
 
+    /// Does it leave noise of the fitted records?
+    pub(super) fn explains(&self) -> bool {
+        within_noise(&self.fit.misfit)
+    }
+
     /// Goes on by some rough steps.
     pub(super) fn further(self, rig: &Rig, records: &[Prepared], steps: u32) -> Option<Self> {
         let here = Place { ranges: self.ranges, values: self.fit.values };
@@ -154,7 +159,7 @@ impl Candidate {
 
     /// The same in another valley of what rings, where one is better; not where it leaves noise.
     pub(super) fn or_ringing(self, rig: &Rig, records: &[Prepared], steps: u32) -> Self {
-        if within_noise(&self.fit.misfit) {
+        if self.explains() {
             return self;
         }
         let places = place::ringing(&self, rig, records);
@@ -168,7 +173,7 @@ impl Candidate {
     pub(super) fn or_of_another_size(self, rig: &Rig, records: &[Prepared], steps: u32) -> Self {
         let mut best = self;
         for _ in 0..MOST_RESIZED {
-            if within_noise(&best.fit.misfit) || interrupt::requested() {
+            if best.explains() || interrupt::requested() {
                 break;
             }
             let resized =
@@ -282,7 +287,6 @@ mod tests {
     use crate::fit;
     use crate::rig::{Range, Rig};
     use eha_monitor::effect::EffectInfo;
-    use eha_monitor::fit::identify::within_noise;
     use eha_monitor::parameter::Parameter;
 
     #[test]
@@ -309,9 +313,9 @@ mod tests {
             Candidate { effect, ranges, fit }
         };
         let half = caught(0.5 * leak);
-        assert!(!within_noise(&half.fit.misfit));
+        assert!(!half.explains());
         let found = half.or_of_another_size(&rig, &records, 12);
-        assert!(within_noise(&found.fit.misfit));
+        assert!(found.explains());
         assert!((found.fit.values[2] / leak - 1.0).abs() < 0.02, "{:?}", found.fit.values);
         let whole = caught(leak);
         assert_eq!(whole.clone().or_of_another_size(&rig, &records, 12).fit.values, whole.fit.values);

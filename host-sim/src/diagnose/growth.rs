@@ -50,8 +50,32 @@ impl Hypothesis {
         others: &[Vec<f64>],
         all_wanted: bool,
     ) -> Vec<Candidate> {
-        let base = self.train.misfit.chi_square;
-        let gain = |prospect: &Prospect| base - prospect.foreseen.misfit.chi_square;
+        let (promising, wanted) = self.worth_approaching(case, wanted, all_wanted);
+        let mut near = self.approached(case, promising, others);
+        let reached = |near: &Candidate| self.train.misfit.chi_square - near.fit.misfit.chi_square;
+        let wanted = near.iter().map(reached).fold(wanted, f64::max);
+        near.retain(|near| reached(near) > FORESEEN * wanted);
+        near.sort_by(|a, b| reached(b).total_cmp(&reached(a)));
+        near.truncate(MOST_FITTED);
+        if !near.iter().any(Candidate::explains) {
+            let resized = |near: Candidate| near.or_of_another_size(&self.rig, case.train(), FEW_STEPS);
+            let rest = near.split_off(BEAM.min(near.len()));
+            near = near.into_par_iter().map(resized).chain(rest).collect();
+        }
+        case.progress.expect(near.len());
+        let mut candidates: Vec<Candidate> = near
+            .into_par_iter()
+            .filter(|_| !interrupt::requested())
+            .filter_map(|near| case.told(near.finished(&self.rig, case.train())))
+            .collect();
+        candidates.sort_by(candidate::lower);
+        candidates
+    }
+
+    /// The effects of which the linear model foresees enough, the most promising first, then those that are mixed up with a
+    /// fault; and the fall of chi-square that is of interest then.
+    fn worth_approaching(&self, case: &Case<'_>, wanted: f64, all_wanted: bool) -> (Vec<&Prospect>, f64) {
+        let gain = |prospect: &Prospect| self.train.misfit.chi_square - prospect.foreseen.misfit.chi_square;
         let (mut asked, mut promising): (Vec<&Prospect>, Vec<&Prospect>) =
             self.prospects(case).iter().partition(|prospect| self.confuses(case, prospect));
         let wanted = promising.iter().copied().map(gain).fold(wanted, f64::max);
@@ -74,43 +98,27 @@ impl Hypothesis {
             promising.truncate(MOST_APPROACHED);
         }
         promising.append(&mut asked);
+        (promising, wanted)
+    }
+
+    /// Rough fits of some effects, which go on where none of them explains the fitted records.
+    fn approached(&self, case: &Case<'_>, promising: Vec<&Prospect>, others: &[Vec<f64>]) -> Vec<Candidate> {
+        let (rig, train) = (&self.rig, case.train());
         case.progress.expect(promising.len());
-        let mut near: Vec<Candidate> = promising
+        let near: Vec<Candidate> = promising
             .into_par_iter()
             .filter(|_| !interrupt::requested())
-            .filter_map(|prospect| case.told(prospect.approach(&self.rig, case.train(), others, FEW_STEPS)))
+            .filter_map(|prospect| case.told(prospect.approach(rig, train, others, FEW_STEPS)))
             .collect();
-        let explain = |near: &[Candidate]| near.iter().any(|near| within_noise(&near.fit.misfit));
-        let is_explained = explain(&near);
-        if is_explained && !others.is_empty() {
-            let ringing = |near: Candidate| near.or_ringing(&self.rig, case.train(), FEW_STEPS);
-            near = near.into_iter().map(ringing).collect();
-        } else if !is_explained {
+        if !near.iter().any(Candidate::explains) {
             case.progress.expect(near.len());
-            near = near
-                .into_par_iter()
-                .filter(|_| !interrupt::requested())
-                .filter_map(|near| case.told(near.further(&self.rig, case.train(), MANY_STEPS)))
-                .collect();
+            let further = |near: Candidate| case.told(near.further(rig, train, MANY_STEPS));
+            near.into_par_iter().filter(|_| !interrupt::requested()).filter_map(further).collect()
+        } else if others.is_empty() {
+            near
+        } else {
+            near.into_iter().map(|near| near.or_ringing(rig, train, FEW_STEPS)).collect()
         }
-        let reached = |near: &Candidate| base - near.fit.misfit.chi_square;
-        let wanted = near.iter().map(reached).fold(wanted, f64::max);
-        near.retain(|near| reached(near) > FORESEEN * wanted);
-        near.sort_by(|a, b| reached(b).total_cmp(&reached(a)));
-        near.truncate(MOST_FITTED);
-        if !explain(&near) {
-            let resized = |near: Candidate| near.or_of_another_size(&self.rig, case.train(), FEW_STEPS);
-            let rest = near.split_off(BEAM.min(near.len()));
-            near = near.into_par_iter().map(resized).chain(rest).collect();
-        }
-        case.progress.expect(near.len());
-        let mut candidates: Vec<Candidate> = near
-            .into_par_iter()
-            .filter(|_| !interrupt::requested())
-            .filter_map(|near| case.told(near.finished(&self.rig, case.train())))
-            .collect();
-        candidates.sort_by(candidate::lower);
-        candidates
     }
 
     /// The effects that the fitted records may ask for. What is left after an effect is coloured: what takes less than

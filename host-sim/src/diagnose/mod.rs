@@ -57,8 +57,9 @@ use readings::{diagnose_held, diagnose_in_noise};
 use residual::MEASURED;
 use std::sync::atomic::AtomicBool;
 
-/// Share of a diagnosis in which jumps between samples are timed first.
+/// Share of a diagnosis in which jumps between samples are timed first, and most of its effort that this may take.
 const TIMING: f64 = 0.05;
+const TIMING_EFFORT: f64 = 0.2;
 
 /// Diagnoses a case, as far as its effort goes. `watch` is told where it stands.
 pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
@@ -77,7 +78,8 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Di
 /// something is left, noise that is coloured, as its spectrum where no actuator follows tells. What explains more is the
 /// answer.
 fn in_each_way(case: &Case<'_>, settings: &FitSettings) -> Diagnosis {
-    let jumping = Jumping::of(&case.part([0.0, TIMING], ""), settings);
+    let timing = Case { effort_s: TIMING_EFFORT * case.effort_s, cut: None, ..case.part([0.0, TIMING], "") };
+    let jumping = Jumping::of(&timing, settings);
     let rival = jumping.as_ref().and_then(|jumping| jumping.rival);
     let timed_first = if jumping.is_some() { TIMING } else { 0.0 };
     let answer = diagnose_in_noise(&Case { rival, ..case.part([timed_first, 0.65], "") }, settings);

@@ -16,6 +16,9 @@ use std::iter;
 
 /// Chi-square between two readings of records that is no difference, whatever is found in them.
 const NO_DIFFERENCE: f64 = 1.0;
+/// A reading in which the declared faults leave so many times as much as in another one is not judged by what one effect makes
+/// of it: the effect would have to look like the difference between the two (by a correlation of 0.87).
+const FAR_BEHIND: f64 = 4.0;
 /// Seeds from which the declared faults are fitted where the first leaves more than noise.
 const ROOT_SEEDS: u64 = 8;
 /// What is told of a reading in which a computer holds the command from sample to sample.
@@ -107,7 +110,11 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
         }));
         let may_be_held = read.len() > misfits.len();
         if may_be_held || !is_settled {
-            let best = |(case, declared): &(&Case<'_>, Declared)| declared.begun(case).best().joint.misfit;
+            let best = |(case, declared): &(&Case<'_>, Declared)| {
+                let root = &declared.root.joint.misfit;
+                let is_behind = root.chi_square > FAR_BEHIND * least;
+                if is_behind { *root } else { declared.begun(case).best().joint.misfit }
+            };
             likeliest = fit::speaks_for(&read.iter().map(best).collect::<Vec<_>>());
         }
     }
@@ -119,7 +126,7 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     let scale = best.scale();
     let mut rivals = Vec::new();
     for (there, declared) in read {
-        let moved = best.refitted(there);
+        let moved = best.moved_to(best.train.values.clone(), there);
         let is_open = !best.is_likelier(&moved);
         if is_open && !is_unexplained {
             diagnosis.hold(&moved.estimates(there));
