@@ -14,6 +14,7 @@ use crate::interrupt;
 use crate::output;
 use crate::plant::{self, Excitation, Sensing};
 use crate::record::{Record, write_csv};
+use crate::report::{FITTED, HELD_OUT, name_of};
 use crate::rig::Rig;
 use eha_monitor::channel::Channel;
 use eha_monitor::parameter::Parameter;
@@ -24,8 +25,8 @@ const TRUTH: [(Parameter, f64); 3] =
 /// Noise of its sensors.
 const NOISE: [(Channel, f64); 2] =
     [(Channel::UserPosition, TYPICAL_NOISE[0]), (Channel::Current, TYPICAL_NOISE[2])];
-/// Records: label, command, role.
-const FLIGHTS: [(&str, &str); 3] = [("chirp", "fitted"), ("mixed", "fitted"), ("mixed-step", "held out")];
+/// Records: command, role.
+const FLIGHTS: [(&str, &str); 3] = [("chirp", FITTED), ("mixed", FITTED), ("mixed-step", HELD_OUT)];
 /// Samples of a record: 1 s at 1 kHz.
 const SAMPLES: usize = 1001;
 /// Longest step of the HF model, s.
@@ -79,7 +80,7 @@ pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
         })?;
     }
     let holdout = records.split_off(2);
-    let names = FLIGHTS.iter().map(|(command, role)| format!("{command} ({role})")).collect();
+    let names = FLIGHTS.iter().map(|(command, role)| name_of(command, role)).collect();
     let mut job =
         Job { common, rig, train: records, holdout, record_notes: Vec::new(), names, effort_s: None };
     let answer = job.run()?;
