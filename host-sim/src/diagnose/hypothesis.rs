@@ -3,6 +3,7 @@
 use super::Case;
 use super::candidate::{self, Prospect};
 use super::place::{self, Place};
+use super::residual;
 use super::signature::Signatures;
 use super::trade::Trade;
 use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, Polished, Prepared, TOLD_APART, Valley};
@@ -282,10 +283,10 @@ impl Hypothesis {
     }
 
     /// Are its effects a name for what is there, not just a help for prediction? They leave noise, or take nearly all
-    /// of the misfit beyond it that there was without them.
-    pub(super) fn is_name(&self, case: &Case<'_>, without: &Misfit<f64>) -> bool {
-        let excess = |misfit: &Misfit<f64>| (misfit.mean_square() - 1.0).max(0.0);
-        self.leaves_noise(case) || excess(&self.train.misfit) < (1.0 - NAMING_SHARE) * excess(without)
+    /// of the misfit beyond it that a rig without them leaves of the fitted records.
+    pub(super) fn is_name(&self, case: &Case<'_>, without: &Rig) -> bool {
+        let beyond = |rig: &Rig| residual::beyond_noise(case.train(), &fit::predict(rig, case.train()));
+        self.leaves_noise(case) || beyond(&self.rig) < (1.0 - NAMING_SHARE) * beyond(without)
     }
 
     /// The same where a fit of all records shows a better valley of them. It is that of the fitted ones too where they do

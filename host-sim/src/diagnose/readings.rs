@@ -252,7 +252,7 @@ fn diagnose_from(case: &Case<'_>, declared: Declared, settings: &FitSettings) ->
     let in_whole = |model: &Hypothesis| if in_excerpts { model.refitted(case) } else { model.clone() };
     let whole = in_whole(&sound.best);
     let whole = if whole.leaves_noise(case) { whole.settled(case) } else { whole };
-    let named = whole.is_name(case, &before.misfit);
+    let named = whole.is_name(case, &before.applied(case.rig));
     let (whole, earned, stand_ins) = if named {
         (whole, sound.earned, sound.stand_ins)
     } else {

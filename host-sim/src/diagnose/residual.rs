@@ -62,6 +62,20 @@ pub fn in_noise(records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> DVec
     all.into()
 }
 
+/// Chi-square beyond what noise makes of it, of all channels. One that shows less than its noise, as one without noise does,
+/// makes up for no other.
+pub fn beyond_noise(records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> f64 {
+    let of_channel = |channel: usize| -> f64 {
+        let in_noise = |(index, record): (usize, &Prepared)| {
+            let series = whitened(&records[index..=index], &predictions[index..=index], channel).concat();
+            let noise = record.noise[channel];
+            series.into_iter().filter(|left| left.is_finite()).map(move |left| (left / noise).powi(2) - 1.0)
+        };
+        records.iter().enumerate().flat_map(in_noise).sum()
+    };
+    (0..MEASURED).map(|channel| of_channel(channel).max(0.0)).sum()
+}
+
 /// Residual of each measured channel, the colour of its noise taken out.
 pub fn of_channels(
     records: &[Prepared],
@@ -333,6 +347,27 @@ mod tests {
         assert_eq!(left[19], None);
         // More parts than samples.
         assert_eq!(over_time(&record, &outputs[..2], 4).iter().flatten().count(), 2);
+    }
+
+    #[test]
+    fn a_channel_without_noise_hides_no_misfit_of_another() {
+        let rig = (BUILT_IN[0].make)();
+        let position: Vec<f64> = (0..1000).map(|k| 1e-3 * (f64::from(k) * 5e-3).sin()).collect();
+        let channels = [Channel::Command, Channel::UserPosition, Channel::RamPosition]
+            .map(|name| (name, position.clone()));
+        let record = Record::new("exact", 1e-3, 0.0, channels.to_vec()).unwrap();
+        let noise = [5e-6, 1e-7, f64::INFINITY, f64::INFINITY];
+        let records = [fit::prepare_with(&rig, &record, noise)];
+        let compared = (0..1000).filter(|&sample| records[0].is_compared(sample)).count() as f64;
+        let beyond = |of_user: f64, of_ram: f64| {
+            let off = |&x: &f64| Outputs { user: x + of_user, ram: x + of_ram, ..Outputs::default() };
+            beyond_noise(&records, &[position.iter().map(off).collect()])
+        };
+        let is_near = |found: f64, wanted: f64| (found - wanted).abs() < 1e-6 * compared;
+        assert!(is_near(beyond(7e-6, 0.0), (1.4 * 1.4 - 1.0) * compared));
+        assert!(is_near(beyond(7e-6, 3e-7), (1.4 * 1.4 - 1.0 + 8.0) * compared));
+        // As large as noise, or smaller.
+        assert!(is_near(beyond(5e-6, 0.0), 0.0) && is_near(beyond(2e-6, 1e-7), 0.0));
     }
 
     #[test]

@@ -386,7 +386,7 @@ impl Sound {
 
     fn find_stand_ins(&mut self, case: &Case<'_>, tried: &[Hypothesis], settings: &FitSettings) {
         let Self { root, best, earned, .. } = &*self;
-        let named = best.is_name(case, &root.train.misfit);
+        let named = best.is_name(case, &root.rig);
         let stand_ins =
             |earned| if named { best.stand_ins(case, tried, earned, settings) } else { Vec::new() };
         let explains = named && best.leaves_noise(case);
