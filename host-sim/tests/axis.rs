@@ -171,12 +171,16 @@ fn one_half_of_the_measured_axis_foretells_the_other() {
     }
 }
 
-/// A record of a rig under its controller: steps of velocity there and back, noise-free.
-fn simulated(rig: &Rig) -> Record {
+/// Steps of velocity there and back, of which some ask for more force than there is, m/s.
+fn steps_of_velocity(sample: usize) -> f64 {
+    [0.05, 0.12, -0.08, 0.02, -0.12, 0.08, 0.04, -0.11][sample / 500]
+}
+
+/// A record of a rig under its controller, which is asked for a velocity at each sample: noise-free.
+fn simulated(rig: &Rig, velocity: impl Fn(usize) -> f64) -> Record {
     let (mut command, mut position) = (Vec::new(), 0.0);
-    for k in 0..4000 {
-        let speed = [0.05, 0.12, -0.08, 0.02, -0.12, 0.08, 0.04, -0.11][k / 500];
-        position += speed * 1e-3;
+    for sample in 0..4000 {
+        position += velocity(sample) * 1e-3;
         command.push(position);
     }
     let blank = vec![(Channel::Command, command.clone()), (Channel::UserPosition, command.clone())];
@@ -212,7 +216,7 @@ fn a_closed_loop_gives_its_parameters_back() {
         (P::DriveLag, 4e-4),
     ];
     let rig = axis(&truth);
-    let record = simulated(&rig);
+    let record = simulated(&rig, steps_of_velocity);
     let own = score(&rig, &record);
     assert!(own.force_error < 1e-3, "{own:?}");
     // What events hardly depend on starts a tenth off and comes back; the rest is known.
@@ -233,4 +237,21 @@ fn a_closed_loop_gives_its_parameters_back() {
         let got = found.parameters.get(parameter);
         assert!((got / value - 1.0).abs() < 0.01, "{parameter:?}: {got}, true {value}");
     }
+}
+
+#[test]
+fn the_force_of_a_controller_tells_a_spring_from_a_gain_of_the_sensor() {
+    let spring = axis(&[(P::SpringLoad, 60.0)]);
+    let record = simulated(&spring, |sample| 0.2 * (3e-3 * sample as f64).sin());
+    let records = [fit::prepare_with(&spring, &record, NOISE)];
+    let left_by = |rig: &Rig| {
+        let predictions = fit::predict(rig, &records);
+        let residual = diagnose::residual::series(&records, &predictions, 0).concat();
+        (fit::rms(residual.into_iter()), fit::force_error(&records, &predictions).unwrap())
+    };
+    let gain = fitted(&axis(&[]), &[range(P::SensorGain, -0.1, 0.1)], &record);
+    let [none, by_gain, by_spring] = [&axis(&[]), &gain, &spring].map(left_by);
+    println!("position and force: {none:?}, {by_gain:?}, {by_spring:?}");
+    assert!(by_gain.0 < 0.03 * none.0 && by_gain.1 >= none.1);
+    assert!(by_spring.0 < 0.03 * none.0 && by_spring.1 < 0.03 * none.1);
 }

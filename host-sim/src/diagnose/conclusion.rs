@@ -1,9 +1,10 @@
 //! From the best hypothesis to the answer.
 
 use super::case::Case;
-use super::diagnosis::{Diagnosis, Fault, Found, Verdict, score};
+use super::diagnosis::{Diagnosis, Fault, Found, Verdict, position_rms, score};
 use super::hypothesis::Hypothesis;
 use super::residual;
+use super::search::GROWING_SHARE;
 use super::weighing::Earned;
 use crate::fit::{self, Correlation, Estimate, Fit, Prepared};
 use crate::rig::Rig;
@@ -13,7 +14,7 @@ use eha_monitor::model::state::Outputs;
 use rayon::prelude::*;
 
 /// An empirical term is there to predict. One that the fitted records say nothing of is dropped; as long as the held-out
-/// records, or the fitted ones where none are held out, are predicted worse than without any, the weakest; and then each
+/// records, or the fitted ones where none are held out, are predicted no better than without any, the weakest; and then each
 /// without which they are predicted better. Where none is left, the model is the one that had none: without the last one
 /// it may have ended elsewhere.
 pub(super) fn helpful(
@@ -23,28 +24,86 @@ pub(super) fn helpful(
     mut model: Hypothesis,
     mut earned: Vec<Earned>,
 ) -> (Hypothesis, Vec<Earned>) {
-    let predicted = if case.holdout().is_empty() { case.train() } else { case.holdout() };
-    let error = |rig: &Rig| score(rig, predicted).position_rms;
-    let without_any = error(&before.applied(case.rig));
+    let without_any = Errors::of(case, &before.applied(case.rig));
     loop {
         let untold = earned.iter().position(|earned| !model.is_told(earned.effect));
         let weakest = || (0..earned.len()).min_by(|&a, &b| earned[a].evidence.total_cmp(&earned[b].evidence));
-        let is_worse = || error(&model.rig) > without_any;
+        let is_worse = || !Errors::of(case, &model.rig).are_less_than(&without_any);
         let Some(dropped) = untold.or_else(|| weakest().filter(|_| is_worse())) else { break };
         model = model.without(case, earned.remove(dropped).effect);
     }
     while !earned.is_empty() {
         let without = |index: usize| {
             let model = model.without(case, earned[index].effect);
-            (error(&model.rig), index, model)
+            (Errors::of(case, &model.rig), index, model)
         };
-        let best = (0..earned.len()).into_par_iter().map(without).min_by(|(a, ..), (b, ..)| a.total_cmp(b));
-        let better = best.filter(|(without, ..)| *without < error(&model.rig));
-        let Some((_, index, smaller)) = better else { break };
+        let with = Errors::of(case, &model.rig);
+        let all = (0..earned.len()).into_par_iter().map(without);
+        let better = all.filter(|(without, ..)| without.are_less_than(&with));
+        let best = better.min_by(|(a, ..), (b, ..)| a.product().total_cmp(&b.product()));
+        let Some((_, index, smaller)) = best else { break };
         model = smaller;
         earned.remove(index);
     }
     (if earned.is_empty() { root() } else { model }, earned)
+}
+
+/// What the whole of long records asks for beside the empirical terms that were found in excerpts: one term after the other,
+/// as long as each takes away enough to be grown and earns its place, and the records that [`helpful`] looks at are predicted
+/// better with it.
+pub(super) fn helped_by_whole(
+    case: &Case<'_>,
+    mut model: Hypothesis,
+    mut earned: Vec<Earned>,
+) -> (Hypothesis, Vec<Earned>) {
+    while !case.is_over() {
+        case.progress.begin("looking for more in the whole of the records", [0.95, 1.0]);
+        let mut without = model.clone();
+        let grown = without.grow(case, &[], false);
+        let before = Errors::of(case, &without.rig);
+        let known = [without];
+        let asked = grown
+            .into_iter()
+            .filter(|new| new.share_of(&known[0]) >= GROWING_SHARE && new.is_welcome(case, &known));
+        let foretold = asked.map(|new| (Errors::of(case, &new.rig), new));
+        let helps = foretold.filter(|(errors, _)| errors.are_less_than(&before));
+        let best = helps.min_by(|(a, _), (b, _)| a.product().total_cmp(&b.product()));
+        let Some((_, best)) = best else { break };
+        earned.extend(best.weighed(case, &known));
+        model = best;
+    }
+    (model, earned)
+}
+
+/// How far a model is off the records that its terms are judged by: the held-out ones, or the fitted ones where none are
+/// held out.
+struct Errors {
+    /// Of the position, m.
+    position: f64,
+    /// Of the force that a known controller asks for, as a part of it. A spring moves an actuator in a closed loop as a sensor
+    /// that shows too little says that it moves; but it takes a force.
+    force: Option<f64>,
+}
+
+impl Errors {
+    fn of(case: &Case<'_>, rig: &Rig) -> Self {
+        let predicted = if case.holdout().is_empty() { case.train() } else { case.holdout() };
+        let predictions = fit::predict(rig, predicted);
+        Self {
+            position: position_rms(predicted, &predictions),
+            force: fit::force_error(predicted, &predictions),
+        }
+    }
+
+    /// What terms that predict both better are told apart by: so many per cent less of one are worth as many of the other.
+    fn product(&self) -> f64 {
+        self.position * self.force.unwrap_or(1.0)
+    }
+
+    /// Is the position predicted better, and the force no worse?
+    fn are_less_than(&self, other: &Self) -> bool {
+        self.position < other.position && self.force <= other.force
+    }
 }
 
 /// What the records leave open.

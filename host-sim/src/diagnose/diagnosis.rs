@@ -157,6 +157,10 @@ impl Diagnosis {
 
 /// Misfit of a model on records.
 pub fn score(rig: &Rig, records: &[Prepared]) -> Score {
-    let series = residual::series(records, &fit::predict(rig, records), 0).concat();
-    Score { position_rms: fit::rms(series.into_iter()) }
+    Score { position_rms: position_rms(records, &fit::predict(rig, records)) }
+}
+
+/// Root mean square of what predictions leave of the user position, m.
+pub(super) fn position_rms(records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> f64 {
+    fit::rms(residual::series(records, predictions, 0).into_iter().flatten())
 }

@@ -18,7 +18,7 @@
 //!        |
 //!        v
 //! which effects could stand in for each that is left? --> its class, or its place
-//! residual noise? adequate or explained : unexplained
+//! residual noise? adequate or explained : unexplained, and what helps the held-out records is kept as empirical terms
 //!        |
 //!        v
 //! not adequate: do commands that jump between samples explain it better? Then anew, with that

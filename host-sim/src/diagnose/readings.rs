@@ -1,7 +1,7 @@
 //! Records taken in each way that a rig leaves open: paths of the command between samples, laws of the spool.
 
 use super::case::Case;
-use super::conclusion::{Open, conclude, helpful};
+use super::conclusion::{Open, conclude, helped_by_whole, helpful};
 use super::diagnosis::{Diagnosis, Score, Verdict};
 use super::hypothesis::Hypothesis;
 use super::residual;
@@ -257,6 +257,8 @@ fn diagnose_from(case: &Case<'_>, declared: Declared, settings: &FitSettings) ->
         (whole, sound.earned, sound.stand_ins)
     } else {
         let (whole, earned) = helpful(case, &before, || in_whole(&sound.root), whole, sound.earned);
+        let (whole, earned) =
+            if in_excerpts { helped_by_whole(case, whole, earned) } else { (whole, earned) };
         let none = vec![Vec::new(); earned.len()];
         (whole, earned, none)
     };

@@ -36,7 +36,7 @@ pub(super) struct Earned {
 
 impl Hypothesis {
     /// The effects of the model, each weighed against the model without it as far as that is known.
-    fn weighed(&self, case: &Case<'_>, known: &[Self]) -> Vec<Earned> {
+    pub(super) fn weighed(&self, case: &Case<'_>, known: &[Self]) -> Vec<Earned> {
         let scale = self.scale();
         let weigh = |&effect: &&'static EffectInfo| {
             let without = self.known_without(effect, known)?.clone();

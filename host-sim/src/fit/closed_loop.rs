@@ -30,8 +30,9 @@ pub fn loop_score(rig: &Rig, records: &[Record]) -> Option<LoopScore> {
     Some(LoopScore { force_error, open_loop_rms })
 }
 
-/// Simulated against recorded drive over the samples that are compared.
-fn force_error(records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> Option<f64> {
+/// Root mean square of simulated minus recorded drive over that of the recorded drive, over the samples that are compared of
+/// records in closed loop; none where a record is not in one, or has no drive.
+pub fn force_error(records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> Option<f64> {
     let (mut error, mut power) = (0.0, 0.0);
     for (record, outputs) in records.iter().zip(predictions) {
         let law = record.law()?;

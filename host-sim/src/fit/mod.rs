@@ -21,7 +21,7 @@ mod valley;
 mod visits;
 
 pub use bounds::{Bounds, remarks};
-pub use closed_loop::{LoopScore, loop_score};
+pub use closed_loop::{LoopScore, force_error, loop_score};
 pub use colour::{as_white, colour_of};
 pub use correlation::Correlation;
 pub use effort::spent_s;
