@@ -212,3 +212,63 @@ fn class(effect: &'static EffectInfo, others: &[Hypothesis]) -> Vec<&'static Eff
 fn inflation(records: &[Prepared], predictions: &[Vec<Outputs<f64>>], misfit: &Misfit<f64>) -> f64 {
     misfit.mean_square().max(1.0) * residual::correlation_time(records, predictions)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::readings::Declared;
+    use super::super::signature::tests::with;
+    use super::{Case, Errors, helped_by_whole};
+    use crate::fit::{self, FitSettings, Prepared};
+    use crate::record::Record;
+    use crate::rig::Rig;
+    use eha_monitor::channel::Channel;
+    use eha_monitor::model::drive::Law;
+    use eha_monitor::parameter::Parameter;
+
+    const LAW: Law<f64> = Law { position_gain: 160.0, velocity_gain: 243.0, limit: 10.0, force_gain: 35.0 };
+    const PERIOD: f64 = 1e-3;
+    const NOISE: [f64; 4] = [1e-7, f64::INFINITY, f64::INFINITY, f64::INFINITY];
+
+    /// Two seconds of an axis that its controller takes to and fro, with the force that this takes, noise-free.
+    fn flown(rig: &Rig, rad_per_s: f64) -> Prepared {
+        let command: Vec<f64> =
+            (0..2000).map(|k| 0.1 * (1.0 - (rad_per_s * PERIOD * f64::from(k)).cos())).collect();
+        let prepared = |position: &[f64], force: Vec<f64>| {
+            let channels = vec![
+                (Channel::Command, command.clone()),
+                (Channel::UserPosition, position.to_vec()),
+                (Channel::Drive, force),
+            ];
+            fit::prepare_with(rig, &Record::new("flown", PERIOD, 0.0, channels).unwrap(), NOISE)
+        };
+        let outputs = fit::predict(rig, &[prepared(&command, vec![0.0; command.len()])]).concat();
+        let ram: Vec<f64> = outputs.iter().map(|outputs| outputs.ram).collect();
+        let force = |k: usize| LAW.force(command[k], ram[k], ram[k.saturating_sub(2)], 1.0 / PERIOD);
+        prepared(&ram, (0..ram.len()).map(force).collect())
+    }
+
+    #[test]
+    fn the_force_of_a_controller_has_a_say_in_what_helps() {
+        let axis = Rig {
+            controller: Some(LAW),
+            drive_holds: true,
+            faults: Vec::new(),
+            free: Vec::new(),
+            ..Rig::load("force-axis").unwrap()
+        };
+        let spring = with(&axis, Parameter::SpringLoad, 10.0);
+        let records = [flown(&spring, 3.0), flown(&spring, 4.0)];
+        let case = Case::new(&axis, &records, 1);
+        let root = Declared::of(&case, &FitSettings::default()).root;
+        let (found, earned) = helped_by_whole(&case, root.clone(), Vec::new());
+        let names: Vec<&str> = earned.iter().map(|earned| earned.effect.name).collect();
+        assert_eq!(names, ["spring-load"]);
+        // By the position alone, a gain of the sensor would be as good.
+        let gain = root.clone().grow(&case, &[], true);
+        let gain = gain.iter().find(|new| new.newest().is_some_and(|effect| effect.name == "sensor-gain"));
+        let [none, by_gain, by_spring] =
+            [&root, gain.unwrap(), &found].map(|model| Errors::of(&case, &model.rig));
+        assert!(by_gain.position < 0.1 * none.position && by_gain.force >= none.force);
+        assert!(by_spring.are_less_than(&none) && by_spring.product() < by_gain.product());
+    }
+}
