@@ -285,8 +285,8 @@ impl Hypothesis {
     /// Are its effects a name for what is there, not just a help for prediction? They leave noise, or take nearly all
     /// of the misfit beyond it that a rig without them leaves of the fitted records.
     pub(super) fn is_name(&self, case: &Case<'_>, without: &Rig) -> bool {
-        let beyond = |rig: &Rig| residual::beyond_noise(case.train(), &fit::predict(rig, case.train()));
-        self.leaves_noise(case) || beyond(&self.rig) < (1.0 - NAMING_SHARE) * beyond(without)
+        let excess = |rig: &Rig| residual::excess(case.train(), &fit::predict(rig, case.train()));
+        self.leaves_noise(case) || excess(&self.rig) < (1.0 - NAMING_SHARE) * excess(without)
     }
 
     /// The same where a fit of all records shows a better valley of them. It is that of the fitted ones too where they do

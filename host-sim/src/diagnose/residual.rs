@@ -64,7 +64,7 @@ pub fn in_noise(records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> DVec
 
 /// Chi-square beyond what noise makes of it, of all channels. One that shows less than its noise, as one without noise does,
 /// makes up for no other.
-pub fn beyond_noise(records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> f64 {
+pub fn excess(records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> f64 {
     let of_channel = |channel: usize| -> f64 {
         let in_noise = |(index, record): (usize, &Prepared)| {
             let series = whitened(&records[index..=index], &predictions[index..=index], channel).concat();
@@ -361,7 +361,7 @@ mod tests {
         let compared = (0..1000).filter(|&sample| records[0].is_compared(sample)).count() as f64;
         let beyond = |of_user: f64, of_ram: f64| {
             let off = |&x: &f64| Outputs { user: x + of_user, ram: x + of_ram, ..Outputs::default() };
-            beyond_noise(&records, &[position.iter().map(off).collect()])
+            excess(&records, &[position.iter().map(off).collect()])
         };
         let is_near = |found: f64, wanted: f64| (found - wanted).abs() < 1e-6 * compared;
         assert!(is_near(beyond(7e-6, 0.0), (1.4 * 1.4 - 1.0) * compared));
