@@ -110,7 +110,7 @@ impl<T: Real> Corridor<T> {
         [error, by_position * position + by_error.magnitude() * error]
     }
 
-    /// Has a place the margins that a step after a change asks for?
+    /// Has a place the margins that a step after a change asks for? What comes to rest on its bound has.
     #[inline(never)]
     pub fn has_margin(&self, place: &Watched<T>, change: &Watched<T>) -> bool {
         self.holds(place, &change.map(|value| value.magnitude() * T::literal(0.25)))
@@ -134,7 +134,8 @@ impl<T: Real> Corridor<T> {
             let (from, to, quarter) = (from[index], to[index], swing[index] * T::literal(0.25));
             let slack = self.slack_of(index);
             let (lower, upper) = (self.lower[index] - slack, self.upper[index] + slack);
-            // What went to and fro on the way may have turned back anywhere on it.
+            // What went to and fro on the way may have turned back anywhere on it. Rounding does, too.
+            let detour = detour - (slack + slack);
             if detour > T::ZERO {
                 let margin = quarter.magnitude() + detour;
                 return from.smaller(to) - margin >= lower && from.larger(to) + margin <= upper;
@@ -195,11 +196,11 @@ impl<T: Real> Corridor<T> {
         (earlier, Input { command: input.command - less[ERROR] - less[RAM], ..*input })
     }
 
-    /// Is everything between its bounds, by a margin for each?
+    /// Is everything between its bounds, by a margin for each, but for rounding?
     #[inline(always)]
     pub fn holds(&self, watched: &Watched<T>, margins: &Watched<T>) -> bool {
         (0..WATCHED).all(|index| {
-            let (value, margin) = (watched[index], margins[index]);
+            let (value, margin) = (watched[index], margins[index] - self.slack_of(index));
             value - margin >= self.lower[index] && value + margin <= self.upper[index]
         })
     }
@@ -386,6 +387,21 @@ mod tests {
         assert!(corridor.holds(&watched, &margins));
         margins[RAM_VELOCITY] = 0.011;
         assert!(!corridor.holds(&watched, &margins));
+    }
+
+    #[test]
+    fn what_creeps_to_its_bound_has_room_once_it_is_there_but_for_rounding() {
+        let model = Model::new(Form::default(), &Parameters::<f64>::default());
+        // A hold: the spool slides ever more slowly, on its friction.
+        let corridor = model.corridor(&Mode { spool: 1, ..model.mode_at_rest() }).unwrap();
+        let slack = corridor.slack;
+        let z = State { flapper: corridor.lower[FLAPPER], ..State::default() };
+        let place = corridor.watched(&z, &Input::default());
+        let moved = |change: f64| core::array::from_fn(|index| if index == FLAPPER { change } else { 0.0 });
+        assert!(slack > 0.0 && corridor.has_room(&place, &moved(0.1 * slack)));
+        assert!(!corridor.has_room(&place, &moved(slack)));
+        let keeps = |detour: f64| corridor.keeps(&place, &place, &moved(0.0), &[0.0, detour]);
+        assert!(keeps(2.0 * slack) && !keeps(4.0 * slack));
     }
 
     #[test]
