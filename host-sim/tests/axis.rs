@@ -245,9 +245,8 @@ fn the_force_of_a_controller_tells_a_spring_from_a_gain_of_the_sensor() {
     let record = simulated(&spring, |sample| 0.2 * (3e-3 * sample as f64).sin());
     let records = [fit::prepare_with(&spring, &record, NOISE)];
     let left_by = |rig: &Rig| {
-        let predictions = fit::predict(rig, &records);
-        let residual = diagnose::residual::series(&records, &predictions, 0).concat();
-        (fit::rms(residual.into_iter()), fit::force_error(&records, &predictions).unwrap())
+        let force = fit::force_error(&records, &fit::predict(rig, &records)).unwrap();
+        (diagnose::score(rig, &records).position_rms, force)
     };
     let gain = fitted(&axis(&[]), &[range(P::SensorGain, -0.1, 0.1)], &record);
     let [none, by_gain, by_spring] = [&axis(&[]), &gain, &spring].map(left_by);

@@ -1,7 +1,8 @@
 //! The guides in `docs`: every command in them is run, in the order of the page. And the README: what it shows of the demo is
-//! what the demo prints.
+//! what the demo prints. And the page on records: its columns are those of the table of channels.
 
 use super::harness::Bench;
+use eha_monitor::channel::CHANNELS;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -86,4 +87,15 @@ fn the_readme_shows_what_the_demo_prints() {
     assert!(printed.contains(&shown[0]), "README:\n{}\n\ndemo:\n{printed}", shown[0]);
     // Another value would not go unnoticed.
     assert!(!printed.contains(&shown[0].replacen("explained", "adequate", 1)));
+}
+
+#[test]
+fn the_page_on_records_has_the_columns_of_every_channel() {
+    let page = std::fs::read_to_string(root().join("docs/records.md")).expect("the page");
+    let rows: Vec<&str> = page.lines().filter(|line| line.starts_with("| `")).collect();
+    assert_eq!(rows.len(), CHANNELS.len());
+    for (row, channel) in rows.iter().zip(&CHANNELS) {
+        let wanted = format!("| `{}` | {} | {} |", channel.column, channel.unit, channel.description);
+        assert!(row.starts_with(&wanted), "{row}\n{wanted}");
+    }
 }
