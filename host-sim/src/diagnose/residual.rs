@@ -22,7 +22,8 @@ const LAGS: usize = 20;
 pub struct ChannelResidual {
     /// Root mean square, in the channel's unit.
     pub rms: f64,
-    /// Root of what neighbouring samples share: the part that is not white noise, in the channel's unit.
+    /// Root mean square of the part that is not white noise, in the channel's unit: of what neighbouring samples share, or
+    /// of what goes on over all lags of the test, to and fro as a hum does, whichever is more.
     pub coloured_rms: f64,
     /// Ljung-Box statistic in standard deviations above its mean under white noise.
     pub colour_sigma: f64,
@@ -172,9 +173,12 @@ pub fn test(all: &[Vec<f64>]) -> Option<ChannelResidual> {
             shared += covariance / 3.0;
         }
     }
+    // Correlations beyond those of as many samples of white noise. Their signs do not cancel in the squares.
+    let beyond = (statistic - lags as f64).max(0.0) / count as f64;
+    let going_on = mean_square * (beyond / lags as f64).sqrt();
     Some(ChannelResidual {
         rms: mean_square.sqrt(),
-        coloured_rms: shared.max(0.0).sqrt(),
+        coloured_rms: shared.max(going_on).sqrt(),
         // Chi-square with as many degrees of freedom as lags: that is its mean, and half of its variance.
         colour_sigma: (statistic - lags as f64) / (2.0 * lags as f64).sqrt(),
         count,
@@ -303,6 +307,27 @@ mod tests {
     use crate::record::Record;
     use crate::rig::BUILT_IN;
     use eha_monitor::channel::Channel;
+    use rand_distr::{Distribution, Normal};
+    use rand_xoshiro::rand_core::SeedableRng;
+
+    #[test]
+    fn no_hum_of_any_frequency_is_noise_and_noise_is() {
+        let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(11);
+        let normal = Normal::new(0.0, 5e-6).unwrap();
+        let mut noise = |hum: f64, cycles: f64| -> Vec<f64> {
+            let wave = |k: usize| hum * (TAU * cycles * k as f64 + 0.3).sin();
+            (0..2000).map(|k| wave(k) + normal.sample(&mut random)).collect()
+        };
+        let is_noise = |values: Vec<f64>| test(&[values]).unwrap().is_noise(0.3e-6, None, 5.0);
+        assert!((0..20).all(|_| is_noise(noise(0.0, 0.0))));
+        for hundredths in 1..50 {
+            let cycles = 0.01 * f64::from(hundredths);
+            assert!(!is_noise(noise(4e-6, cycles)), "{cycles} cycles a sample");
+            // A model whose own error is as large.
+            let by_error = test(&[noise(4e-6, cycles)]).unwrap().is_noise(4e-6, None, 5.0);
+            assert!(by_error, "{cycles} cycles a sample");
+        }
+    }
 
     #[test]
     fn what_is_left_is_described_although_samples_are_lost() {
