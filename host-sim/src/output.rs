@@ -3,7 +3,7 @@
 use crate::cli::Common;
 use crate::diagnose::progress::Stage;
 use crate::failure::Failure;
-use crate::fit::{Estimate, Fit, NoiseSource, Standing};
+use crate::fit::{Estimate, Fit, NoiseSource, Prepared, Standing};
 use crate::record::{Record, write_csv};
 use crate::report::REPORT_FILE;
 use crate::rig::{self, CommandPath, Range, Rig};
@@ -16,6 +16,7 @@ use eha_monitor::fit::identify::StopReason;
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde_json::{Map, Value, json};
 use std::io::Write;
+use std::iter;
 use std::path::{Path, PathBuf};
 
 /// Version of the JSON results.
@@ -190,7 +191,7 @@ pub fn record(
             let times: Vec<f64> = (0..record.len()).map(|sample| record.time_s(sample)).collect();
             let channels = record.channels().map(|(channel, values)| (channel.info().column, values));
             let columns: Vec<_> =
-                std::iter::once((Channel::Time.info().column, &times[..])).chain(channels).collect();
+                iter::once((Channel::Time.info().column, &times[..])).chain(channels).collect();
             table_file::parquet(&columns, comments).map_err(Failure::other)?
         } else {
             csv()?
@@ -300,13 +301,27 @@ pub fn residual_table(fit: &Fit, source: &[NoiseSource]) -> Table {
             info.column.to_owned(),
             quantity(rms, info.unit),
             quantity(fit.noise[index], info.unit),
-            match source[index] {
-                NoiseSource::Rig => "rig".to_owned(),
-                NoiseSource::Estimated | NoiseSource::Absent => "record".to_owned(),
-            },
+            source[index].name().to_owned(),
         ]);
     }
     table
+}
+
+/// The same in a result, with how many samples of each channel were compared.
+pub fn channels_json(fit: &Fit, source: &[NoiseSource], records: &[Prepared]) -> Value {
+    let row = |(index, channel): (usize, Channel)| {
+        let (rms, info) = (fit.residual_rms[index]?, channel.info());
+        let samples: usize = records.iter().map(|record| record.compared(index)).sum();
+        Some(json!({
+            "name": info.column,
+            "unit": info.unit,
+            "samples": samples,
+            "residual_rms": number(rms),
+            "noise": number(fit.noise[index]),
+            "noise_from": source[index].name(),
+        }))
+    };
+    Channel::MEASURED.into_iter().enumerate().filter_map(row).collect()
 }
 
 /// Why a search ended, in words.
@@ -402,6 +417,9 @@ pub fn config_json(common: &Common, rig: &Rig, ranges: &[Range], records: &[Stri
         })),
         "noise": rig.noise.iter().map(|(channel, noise)| (channel.info().column.to_owned(), json!(noise))).collect::<Map<_, _>>(),
         "parameters": parameters,
+        "calibration": iter::zip(&rig.calibration.parameters, &rig.calibration.standard_errors)
+            .map(|(parameter, error)| (parameter.info().name.to_owned(), json!(error)))
+            .collect::<Map<_, _>>(),
         "effects": rig.effects.iter().map(|effect| effect.name).collect::<Vec<_>>(),
         "free": ranges.iter().map(|range| json!({
             "name": range.parameter.info().name, "lower": range.lower, "upper": range.upper,

@@ -1,11 +1,12 @@
 //! What the intervals of the faults hold besides what the curvature at the fit makes of noise: the steps of a program, valleys
-//! with many bottoms, and the steps of a sensor.
+//! with many bottoms, the steps of a sensor, and how well the rig is known.
 
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::identify::StopReason;
+use eha_monitor::parameter::Parameter;
 use host_sim::fit::{self, Fit, FitSettings, Polished, Prepared};
 use host_sim::record::Record;
-use host_sim::rig::Rig;
+use host_sim::rig::{Calibration, Range, Rig};
 use reference_plant::{Command, Gauss, Plant, Rule, SAMPLE_PERIOD};
 use std::f64::consts::TAU;
 
@@ -153,4 +154,63 @@ fn most_likely_values_know_that_a_sensor_is_read_in_steps() {
     assert!(share(held) > LEAST_HELD, "{held} of {of_all}");
     assert!(share(held_by_squares) < LEAST_HELD, "{held_by_squares} of {of_all}");
     assert!(error < LIKELIER * of_squares, "{error} N, {of_squares} N");
+}
+
+/// Noise of position and current, and the supply of a machine whose supply is not known, as a part of the rated one.
+const USUAL_NOISE: [f64; 4] = [5e-6, f64::INFINITY, 0.02, f64::INFINITY];
+const SUPPLY: f64 = 0.9;
+/// Commands of the record that the supply is calibrated on, and of the one with the faults: amplitude, m.
+const HEALTHY: Command = Command::Chirp { amplitude: 2e-3 };
+const SUSPECT: Command = Command::Chirp { amplitude: 8e-3 };
+
+/// A second of position and current of a machine with faults, backlash, m, and friction, N.
+fn supplied(rig: &Rig, command: &Command, faults: [f64; 2], seed: u64) -> Prepared {
+    let mut plant = Plant::default();
+    plant.parameters.supply_pressure *= SUPPLY;
+    [plant.parameters.backlash, plant.parameters.jack_friction] = faults;
+    let data = plant.record(command, 1001);
+    let mut noise = Gauss::new(seed);
+    let mut noisy = |values: Vec<f64>, sigma: f64| -> Vec<f64> {
+        values.into_iter().map(|value| value + sigma * noise.draw()).collect()
+    };
+    let (position, current) = (noisy(data.lvdt, USUAL_NOISE[0]), noisy(data.current, USUAL_NOISE[2]));
+    let channels = vec![
+        (Channel::Command, data.command),
+        (Channel::UserPosition, position),
+        (Channel::Current, current),
+    ];
+    fit::prepare_with(rig, &Record::new("supplied", SAMPLE_PERIOD, 0.0, channels).unwrap(), USUAL_NOISE)
+}
+
+#[test]
+fn intervals_hold_what_the_calibration_of_the_rig_leaves_open() {
+    let rig = Rig::load("eha").unwrap();
+    let supply = [Range::new(Parameter::SupplyRatio, 0.5, 1.5).unwrap()];
+    let healthy = [rig.parameters.bkl, rig.parameters.fdj];
+    let (mut held, mut held_if_exact, mut of_all) = (0, 0, 0);
+    for actuator in 0..ACTUATORS {
+        let seed = u64::from(2 * actuator);
+        let settings = FitSettings::default();
+        let fit = |rig: &Rig, ranges: &[Range], record: Prepared| {
+            fit::fit_as_read(rig, ranges, &[record], &settings, |_| {}, |_| {}).fit
+        };
+        let calibrated = fit(&rig, &supply, supplied(&rig, &HEALTHY, healthy, seed)).calibrated(&rig);
+        let exact = Rig { calibration: Calibration::default(), ..calibrated.clone() };
+        let truth = [2e-4, 700.0 + 20.0 * f64::from(actuator)];
+        let record = supplied(&rig, &SUSPECT, truth, seed + 1);
+        let holds = |rig: &Rig| {
+            let fit = fit(rig, &rig.faults, record.clone());
+            let held = fit.estimates.iter().zip(truth);
+            held.filter(|(estimate, truth)| (estimate.ci95[0]..=estimate.ci95[1]).contains(truth)).count()
+        };
+        held += holds(&calibrated);
+        held_if_exact += holds(&exact);
+        of_all += truth.len();
+    }
+    println!(
+        "the truth is in {held} of {of_all} intervals, in {held_if_exact} if the supply were known exactly"
+    );
+    let share = |count: usize| count as f64 / of_all as f64;
+    assert!(share(held) > LEAST_HELD, "{held} of {of_all}");
+    assert!(share(held_if_exact) < LEAST_HELD, "{held_if_exact} of {of_all}");
 }

@@ -7,7 +7,7 @@ use super::residual;
 use super::search::GROWING_SHARE;
 use super::weighing::Earned;
 use crate::fit::{self, Correlation, Estimate, Fit, Prepared};
-use crate::rig::Rig;
+use crate::rig::{Calibration, Rig};
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::model::state::Outputs;
@@ -175,12 +175,14 @@ pub(super) fn conclude(
     let is_open = noise_only && !(foretells(&best.rig) && (!earned.is_empty() || foretells(&bare)));
     let left = (!noise_only).then(|| residual::describe(&case.train()[0], &predictions[0]));
     let scores = |records: &[Prepared]| [score(&bare, records), score(&best.rig, records)];
+    let correlation = Correlation::new(best.ranges.iter().map(|range| range.parameter), &fit.covariance);
+    let calibration = Calibration::of(&estimates, &correlation).after(&case.rig.calibration);
     Diagnosis {
         verdict,
         early: None,
         faults,
         free: estimates[case.rig.faults.len()..before.estimates.len()].to_vec(),
-        correlation: Correlation::new(best.ranges.iter().map(|range| range.parameter), &fit.covariance),
+        correlation,
         found,
         noise: fit::pooled(case.train().iter().map(Prepared::noise_rms)),
         colour: case.train()[0].colour,
@@ -188,7 +190,7 @@ pub(super) fn conclude(
         holdout: (!case.holdout().is_empty()).then(|| scores(case.holdout())),
         left,
         is_open,
-        rig: fit.applied(&best.rig, &best.ranges),
+        rig: Rig { calibration, ..fit.applied(&best.rig, &best.ranges) },
         foretelling: best.rig.clone(),
         predictions,
         before: before.likeliest(case.rig, &case.rig.declared(), case.train()),

@@ -41,6 +41,14 @@ impl Estimate {
         (self.ci95[1] - self.value).max(self.value - self.ci95[0]) / OF_95
     }
 
+    /// Widens the interval by a standard error of another origin; where the range cut it, it stays cut.
+    pub(super) fn widen(&mut self, range: &Range, error: f64) {
+        let wider = |side: f64| side.hypot(OF_95 * error);
+        let [below, above] = [self.value - self.ci95[0], self.ci95[1] - self.value].map(wider);
+        self.standard_error = self.standard_error.hypot(error);
+        self.ci95 = [(self.value - below).max(range.lower), (self.value + above).min(range.upper)];
+    }
+
     /// Widens the interval to where one that was widened, on the sides on which it was, had gone.
     pub(super) fn hold_beyond(&mut self, widened: [f64; 2], before: [f64; 2]) {
         if widened[0] < before[0] {

@@ -1,6 +1,7 @@
 //! From records and a rig to fitted parameters: the bridge to the core's search.
 
 mod bounds;
+mod calibrated;
 mod closed_loop;
 mod colour;
 mod correlation;
@@ -21,6 +22,7 @@ mod valley;
 mod visits;
 
 pub use bounds::{Bounds, remarks};
+pub use calibrated::calibration_errors;
 pub use closed_loop::{LoopScore, force_error, loop_score};
 pub use colour::{as_white, colour_of};
 pub use correlation::Correlation;

@@ -52,6 +52,16 @@ pub enum NoiseSource {
     Absent,
 }
 
+impl NoiseSource {
+    /// Name in results.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Rig => "rig",
+            Self::Estimated | Self::Absent => "record",
+        }
+    }
+}
+
 /// Standard deviation of the noise of each measured channel of a record, in its unit: the rig's, else what the record
 /// shows; infinite where it lacks the channel.
 pub fn noise_of(rig: &Rig, record: &Recorded) -> [f64; MEASURED] {

@@ -339,6 +339,12 @@ impl Prepared {
         self.as_core().is_compared(sample)
     }
 
+    /// Samples of a measured channel that are compared with the model: none where the record lacks it.
+    pub fn compared(&self, channel: usize) -> usize {
+        let samples = self.measured[channel].iter().enumerate();
+        samples.filter(|(sample, value)| value.is_finite() && self.is_compared(*sample)).count()
+    }
+
     /// Samples between the start of its stretch and a sample.
     pub fn since_start(&self, sample: usize) -> usize {
         sample % self.stretch

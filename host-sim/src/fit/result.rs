@@ -2,8 +2,9 @@
 
 use super::engine::{self, FIT_TOLERANCE, Job, on_records};
 use super::estimate::{Estimate, estimates};
-use super::{Correlation, Polished, Prepared, Valley, Visit, most_likely, noise, polish, systematic};
-use crate::rig::{Range, Rig};
+use super::{Correlation, Polished, Prepared, Valley, Visit};
+use super::{calibration_errors, most_likely, noise, polish, systematic};
+use crate::rig::{Calibration, Range, Rig};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::identify::StopReason;
 use eha_monitor::fit::problem::{Misfit, Problem};
@@ -97,6 +98,23 @@ impl Fit {
             estimate.hold_beyond(before.ci95, by_curvature.ci95);
         }
         moved
+    }
+
+    /// The fit with intervals that hold what the rig's calibrated values are off by as well.
+    #[must_use]
+    pub(super) fn as_known(mut self, rig: &Rig, ranges: &[Range], records: &[Prepared]) -> Self {
+        let values: Vec<f64> = self.estimates.iter().map(|estimate| estimate.value).collect();
+        let errors = calibration_errors(rig, ranges, &values, records).unwrap_or_default();
+        for ((estimate, range), error) in self.estimates.iter_mut().zip(ranges).zip(errors) {
+            estimate.widen(range, error);
+        }
+        self
+    }
+
+    /// The rig with the values of the fit, and how well they are known.
+    pub fn calibrated(&self, rig: &Rig) -> Rig {
+        let calibration = Calibration::of(&self.estimates, &self.correlation());
+        Rig { calibration: calibration.after(&rig.calibration), ..self.applied(rig) }
     }
 
     /// What a fit without a search would have given there.

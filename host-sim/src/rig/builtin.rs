@@ -1,6 +1,6 @@
 //! The rigs that come with the program.
 
-use super::{CommandPath, Range, Rig};
+use super::{Calibration, CommandPath, Range, Rig};
 use eha_monitor::model::{Drive, Feedback, Form, ValveForm};
 use eha_monitor::parameter::{Parameter, Parameters};
 
@@ -43,6 +43,7 @@ fn eha() -> Rig {
         name: "eha".to_owned(),
         form: Form::default(),
         parameters: Parameters::default(),
+        calibration: Calibration::default(),
         noise: Vec::new(),
         // The source's bounds.
         faults: vec![range(Parameter::Backlash, 0.0, 1.5e-3), range(Parameter::DryFriction, 200.0, 4000.0)],
@@ -76,6 +77,7 @@ fn servo_hydraulic() -> Rig {
         name: "servo-hydraulic".to_owned(),
         form: Form { valve: ValveForm::FirstOrder, feedback: Feedback::Ram, drive: Drive::Valve },
         parameters,
+        calibration: Calibration::default(),
         noise: Vec::new(),
         faults: vec![range(Parameter::Backlash, 0.0, 1.5e-3), range(Parameter::DryFriction, 0.0, 4000.0)],
         free: vec![
@@ -104,6 +106,7 @@ fn force_axis() -> Rig {
         name: "force-axis".to_owned(),
         form: Form { drive: Drive::Force, ..Form::default() },
         parameters,
+        calibration: Calibration::default(),
         noise: Vec::new(),
         faults: vec![range(Parameter::Backlash, 0.0, 1.5e-3), range(Parameter::DryFriction, 0.0, 500.0)],
         free: vec![

@@ -1,12 +1,15 @@
 //! Rig files: TOML in and out.
 
-use super::{BUILT_IN, CommandPath, Range, Rig, channel_named, parameter_named, unknown, with_nearest};
+use super::{
+    BUILT_IN, Calibration, CommandPath, Range, Rig, channel_named, parameter_named, unknown, with_nearest,
+};
 use crate::failure::Failure;
 use crate::fit::MAX_FREE;
 use eha_monitor::channel::ChannelRole;
 use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::model::drive::Law;
 use eha_monitor::model::{Drive, Feedback, Form, ValveForm};
+use eha_monitor::parameter::Parameter;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -24,6 +27,7 @@ struct RigFile {
     controller: Option<ControllerTable>,
     #[serde(default)]
     parameters: BTreeMap<String, f64>,
+    calibration: Option<CalibrationTable>,
     #[serde(default)]
     noise: BTreeMap<String, f64>,
     fault: Option<Vec<RangeTable>>,
@@ -82,6 +86,48 @@ impl ControllerTable {
         }
         let [position_gain, velocity_gain, limit, force_gain] = self.values();
         Ok(Law { position_gain, velocity_gain, limit, force_gain })
+    }
+}
+
+/// How well values are known: without a correlation, they hang together in nothing.
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+struct CalibrationTable {
+    parameters: Vec<String>,
+    standard_errors: Vec<f64>,
+    correlation: Option<Vec<Vec<f64>>>,
+}
+
+impl CalibrationTable {
+    /// The same after a check.
+    fn checked(self) -> Result<Calibration, Failure> {
+        let in_table = |message: String| Err(Failure::usage(format!("[calibration] {message}")));
+        let parameters: Vec<Parameter> =
+            self.parameters.iter().map(|name| parameter_named(name)).collect::<Result<_, _>>()?;
+        let count = parameters.len();
+        for (index, parameter) in parameters.iter().enumerate() {
+            if parameters[..index].contains(parameter) {
+                return in_table(format!("`{}` is there twice", self.parameters[index]));
+            }
+        }
+        let errors = self.standard_errors;
+        if errors.len() != count || errors.iter().any(|error| !error.is_finite() || *error < 0.0) {
+            return in_table(format!("standard-errors: expected {count} numbers, none of them negative"));
+        }
+        let of_itself = |row: usize| (0..count).map(|column| f64::from(u8::from(row == column))).collect();
+        let correlation = self.correlation.unwrap_or_else(|| (0..count).map(of_itself).collect());
+        let is_square = correlation.len() == count && correlation.iter().all(|row| row.len() == count);
+        let is_valid = |row: usize, column: usize| {
+            let (here, there) = (correlation[row][column], correlation[column][row]);
+            if row == column { here == 1.0 } else { here == there && here.abs() <= 1.0 }
+        };
+        if !is_square || !(0..count).all(|row| (0..count).all(|column| is_valid(row, column))) {
+            return in_table(format!(
+                "correlation: expected {count} rows of as many numbers from -1 to 1, the same in rows and columns, \
+                 1 on the diagonal"
+            ));
+        }
+        Ok(Calibration { parameters, standard_errors: errors, correlation })
     }
 }
 
@@ -187,6 +233,9 @@ fn parse(text: &str) -> Result<Rig, Failure> {
         }
         rig.parameters.set(parameter, value);
     }
+    if let Some(table) = file.calibration {
+        rig.calibration = table.checked()?;
+    }
     for (column, noise) in file.noise {
         let channel = channel_named(&column)?;
         if channel.info().role != ChannelRole::Measured || !noise.is_finite() || noise <= 0.0 {
@@ -291,6 +340,20 @@ pub fn write(rig: &Rig, comments: &[String]) -> String {
         let _ =
             writeln!(text, "{} = {value:?} # {} {}, {}", info.name, info.symbol, info.unit, info.description);
     }
+    if !rig.calibration.is_empty() {
+        let Calibration { parameters, standard_errors, correlation } = &rig.calibration;
+        let names: Vec<&str> = parameters.iter().map(|parameter| parameter.info().name).collect();
+        let _ = writeln!(text, "\n[calibration] # how well these values are known");
+        let _ = writeln!(text, "parameters = {names:?}");
+        let listed = |numbers: &[f64], number: fn(&f64) -> String| {
+            format!("[{}]", numbers.iter().map(number).collect::<Vec<_>>().join(", "))
+        };
+        let _ =
+            writeln!(text, "standard-errors = {}", listed(standard_errors, |error| format!("{error:.3e}")));
+        let rows: Vec<String> =
+            correlation.iter().map(|row| listed(row, |shared| format!("{shared:.6}"))).collect();
+        let _ = writeln!(text, "correlation = [{}]", rows.join(", "));
+    }
     if !rig.noise.is_empty() {
         let _ = writeln!(text, "\n[noise]");
     }
@@ -324,6 +387,11 @@ mod tests {
             let mut rig = (built_in.make)();
             rig.noise = vec![(eha_monitor::channel::Channel::UserPosition, 5e-6)];
             rig.effects = vec![&EFFECTS[0]];
+            rig.calibration = Calibration {
+                parameters: vec![Parameter::SupplyRatio, Parameter::Leakage],
+                standard_errors: vec![1e-3, 2.5e-15],
+                correlation: vec![vec![1.0, -0.3], vec![-0.3, 1.0]],
+            };
             if built_in.name == "force-axis" {
                 rig.faults.clear();
                 rig.controller = Some(Law {
@@ -390,6 +458,18 @@ mod tests {
             ("[[effect]]\nname = \"sensor-of\"", "did you mean `sensor-offset`?"),
             ("[model]\nvalve = \"third-order\"", "unknown variant `third-order`"),
             ("[modle]\n", "unknown field `modle`"),
+            (
+                "[calibration]\nparameters = [\"GM\"]\nstandard-errors = [1.0, 2.0]",
+                "[calibration] standard-errors: expected 1 numbers, none of them negative",
+            ),
+            (
+                "[calibration]\nparameters = [\"GM\", \"torque_motor_gain\"]\nstandard-errors = [1.0, 2.0]",
+                "[calibration] `torque_motor_gain` is there twice",
+            ),
+            (
+                "[calibration]\nparameters = [\"GM\", \"Clk\"]\nstandard-errors = [1.0, 2.0]\ncorrelation = [[1.0, 0.5], [0.4, 1.0]]",
+                "[calibration] correlation: expected 2 rows",
+            ),
         ] {
             let message = parse(text).unwrap_err().to_string();
             assert!(message.contains(expected), "{text}: {message}");

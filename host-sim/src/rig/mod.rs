@@ -1,10 +1,12 @@
 //! A rig: the actuator that a record comes from, as far as it is known.
 
 mod builtin;
+mod calibration;
 mod command_path;
 mod file;
 
 pub use builtin::{BUILT_IN, BuiltIn};
+pub use calibration::Calibration;
 pub use command_path::{CommandPath, Knots};
 pub use file::{read, spelled, write};
 
@@ -84,6 +86,8 @@ pub struct Rig {
     pub form: Form,
     /// Values of all parameters.
     pub parameters: Parameters<f64>,
+    /// How well those of them are known that were fitted to other records.
+    pub calibration: Calibration,
     /// Known noise (standard deviation) of a channel, in the channel's unit; absent: estimated from the record.
     pub noise: Vec<(Channel, f64)>,
     /// Parameters that are declared as faults.

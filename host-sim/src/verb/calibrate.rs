@@ -48,7 +48,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     }
     converged(&fitted)?;
     output::save(common, RIG_FILE, || {
-        let calibrated = fitted.fit.applied(&fitted.rig);
+        let calibrated = fitted.fit.calibrated(&fitted.rig);
         let comments = [
             format!("calibrated on {} by host-sim {}", fitted.names.join(", "), env!("CARGO_PKG_VERSION")),
             format!(

@@ -91,6 +91,9 @@ fn notes(fitted: &Fitted) -> Vec<String> {
     notes.extend(fit::remarks(&fit.estimates, &fitted.ranges, Bounds::Option));
     notes.extend(output::correlation_warnings(fit));
     notes.extend(output::reading_notes(&fitted.rig));
+    if !fitted.rig.calibration.beside(&fitted.ranges).is_empty() {
+        notes.push("the intervals hold what the calibration of the rig leaves open, too".to_owned());
+    }
     if fitted.reading_open {
         notes.push(output::OPEN_READING.to_owned());
     }
@@ -112,6 +115,7 @@ pub(super) fn json(common: &Common, fitted: &Fitted, list: &str) -> Value {
     let mut result = json!({
         "schema": SCHEMA,
         "residual_rms_m": output::number(fit.position_rms()),
+        "channels": output::channels_json(fit, &fitted.noise_source, &fitted.prepared),
         "evaluations": fit.evaluations,
         "generations": fit.generations,
         "seconds": fit.seconds,

@@ -1,8 +1,10 @@
 //! The guides in `docs`: every command in them is run, in the order of the page. And the README: what it shows of the demo is
-//! what the demo prints. And the page on records: its columns are those of the table of channels.
+//! what the demo prints. And the page on records: its columns are those of the table of channels. And the one on rig files:
+//! what it shows is read, and has everything that a rig file may have.
 
-use super::harness::Bench;
+use super::harness::{Bench, USAGE};
 use eha_monitor::channel::CHANNELS;
+use eha_monitor::parameter::Parameter;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -98,4 +100,25 @@ fn the_page_on_records_has_the_columns_of_every_channel() {
         let wanted = format!("| `{}` | {} | {} |", channel.column, channel.unit, channel.description);
         assert!(row.starts_with(&wanted), "{row}\n{wanted}");
     }
+}
+
+#[test]
+fn the_page_on_rig_files_shows_every_entry_and_is_read() {
+    let bench = Bench::new();
+    let shown = blocks("rigs.md", "toml");
+    assert_eq!(shown.len(), 2);
+    // All that a rig is printed with is on the page, and nothing on it is unknown.
+    for block in &shown {
+        bench.write("shown.toml", block);
+        let printed = bench.run(&["rigs", "shown.toml"]).done().stdout;
+        let keys = printed.lines().filter_map(|line| line.split(['=', '#']).next().map(str::trim));
+        let entries: Vec<&str> =
+            keys.filter(|key| !key.is_empty() && Parameter::named(key).is_none()).collect();
+        assert!(entries.len() > 20, "{printed}");
+        for entry in entries {
+            assert!(shown.iter().any(|block| block.contains(entry)), "{entry}");
+        }
+    }
+    bench.write("wrong.toml", &shown[0].replacen("command-offset", "command-offsets", 1));
+    bench.run(&["rigs", "wrong.toml"]).refused(USAGE, &["command-offsets"]);
 }
