@@ -18,6 +18,8 @@ use std::iter;
 
 /// The first moments, s, and the factor by which they grow.
 const FIRST_S: f64 = 0.1;
+/// Fewest samples of them: those that 100 Hz gives. Records that are sampled more slowly have later first moments.
+const FEWEST_SAMPLES: f64 = 10.0;
 const GROWTH: f64 = 1.15;
 /// By how many such factors at once they grow as long as that leaves noise.
 const STRIDE: usize = 4;
@@ -140,8 +142,35 @@ fn longest(records: &[Prepared]) -> f64 {
 /// The beginnings of records, ever longer ones, the last of them shorter than the longest record.
 fn moments(records: &[Prepared]) -> impl Iterator<Item = Vec<Prepared>> {
     let longest = longest(records);
-    let lengths = iter::successors(Some(FIRST_S), |&length| Some(length * GROWTH));
+    let fewest = |record: &Prepared| FEWEST_SAMPLES * record.sample_period;
+    let first = records.iter().map(fewest).fold(FIRST_S, f64::max);
+    let lengths = iter::successors(Some(first), |&length| Some(length * GROWTH));
     lengths.take_while(move |&length| length < longest).map(|length| {
         records.iter().map(|record| record.begin((length / record.sample_period) as usize)).collect()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{FEWEST_SAMPLES, moments};
+    use crate::fit::{self, Prepared};
+    use crate::record::Record;
+    use crate::rig::Rig;
+    use eha_monitor::channel::Channel;
+
+    /// 20 s of a slow sine.
+    fn sampled(rate: f64) -> [Prepared; 1] {
+        let swing: Vec<f64> = (0..(20.0 * rate) as usize).map(|k| 1e-3 * (k as f64 / rate).sin()).collect();
+        let channels = vec![(Channel::Command, swing.clone()), (Channel::UserPosition, swing)];
+        let record = Record::new("slow", 1.0 / rate, 0.0, channels).unwrap();
+        [fit::prepare(&Rig::load("eha").unwrap(), &record)]
+    }
+
+    #[test]
+    fn first_moments_have_samples_however_slowly_they_are_taken() {
+        let first = |rate: f64| moments(&sampled(rate)).next().unwrap()[0].len();
+        assert!([5.0, 8.0, 40.0].map(first).iter().all(|&first| first >= FEWEST_SAMPLES as usize));
+        // At the rates that there are, they last as long as ever.
+        assert_eq!([100.0, 200.0, 1000.0].map(first), [10, 20, 100]);
+    }
 }

@@ -186,7 +186,7 @@ pub(super) fn spans_of_moments(effect: &EffectInfo, rig: &Rig, moments: &[Prepar
 /// The times at which the load may step in some records.
 fn step_times(records: &[Prepared]) -> Range {
     // Those of an excerpt are the times of its whole record.
-    let end = |record: &Prepared| record.time(record.len() - 1) + record.sample_period;
+    let end = |record: &Prepared| record.time(record.len().saturating_sub(1)) + record.sample_period;
     let upper = records.iter().map(end).fold(0.0, f64::max);
     Range { parameter: Parameter::StepLoadTime, lower: 0.0, upper }
 }

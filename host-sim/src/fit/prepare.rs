@@ -131,9 +131,9 @@ impl Prepared {
         Some(Self { stretch, settle, ..self.cut(cut, at.iter().map(start).collect()) })
     }
 
-    /// The first samples of the record, so many of them.
+    /// The first samples of the record, so many of them; one at least.
     pub fn begin(&self, samples: usize) -> Self {
-        let cut = |values: &Vec<f64>| values[..samples.min(values.len())].to_vec();
+        let cut = |values: &Vec<f64>| values[..samples.max(1).min(values.len())].to_vec();
         self.cut(cut, self.starts.clone())
     }
 
