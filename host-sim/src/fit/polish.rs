@@ -17,6 +17,8 @@ pub struct Polished {
     pub misfit: Misfit<f64>,
     /// Covariance of the values for white noise; not finite where the records say nothing.
     pub covariance: Vec<Vec<f64>>,
+    /// Evaluations of the model that led there.
+    pub evaluations: u32,
 }
 
 impl Polished {
@@ -84,7 +86,9 @@ pub fn polish(rig: &Rig, ranges: &[Range], start: &[f64], records: &[Prepared]) 
         if narrow == ranges {
             break;
         }
+        let before = found.evaluations;
         found = go(&narrow, &found.values)?;
+        found.evaluations += before;
         let at_an_edge = ranges.iter().zip(&narrow).zip(&found.values).any(|((range, narrow), value)| {
             let [below, above] = narrow.at_edge(*value);
             (below && narrow.lower > range.lower) || (above && narrow.upper < range.upper)
@@ -144,6 +148,7 @@ fn polished(
     genes: &Genes,
     normal: &Normal<f64, MAX_FREE>,
     misfit: Misfit<f64>,
+    evaluations: u32,
 ) -> Polished {
     let covariance = normal.covariance();
     let count = problem.free.len();
@@ -155,6 +160,7 @@ fn polished(
         values: problem.free.iter().zip(genes).map(|(free, &gene)| free.value(gene)).collect(),
         misfit,
         covariance: (0..count).map(|row| (0..count).map(|column| entry(row, column)).collect()).collect(),
+        evaluations,
     }
 }
 
@@ -184,7 +190,7 @@ impl Job for Foresee<'_> {
         let normal = normal_equations(problem, &genes, Settings::default().difference, steppers);
         let (there, chi_square) = normal.foreseen(&genes, count)?;
         let misfit = Misfit { chi_square, count: normal.misfit.count };
-        Some(polished(problem, &there, &normal, misfit))
+        Some(polished(problem, &there, &normal, misfit, 1 + count as u32))
     }
 }
 
@@ -202,7 +208,7 @@ impl Job for Polish<'_> {
         let settings = Settings { tolerance: WORTH_A_STEP, steps: self.steps, ..Settings::default() };
         let found = finish(problem, &genes, &settings, steppers);
         let misfit = found.normal.misfit;
-        (misfit.count > 0).then(|| polished(problem, &found.genes, &found.normal, misfit))
+        (misfit.count > 0).then(|| polished(problem, &found.genes, &found.normal, misfit, found.evaluations))
     }
 }
 
@@ -223,6 +229,7 @@ mod tests {
                 vec![0.0, size * size, shared],
                 vec![0.0, shared, scale * scale],
             ],
+            evaluations: 0,
         };
         let beside = polished.standard_error_beside(&[1, 2]);
         assert!((beside - size * (1.0 - correlation * correlation).sqrt()).abs() < 1e-9, "{beside}");

@@ -2,13 +2,14 @@
 //! when a spool sticks.
 
 use super::search::or_from_seeds;
-use super::visits::generations;
+use super::visits::{InAll, generations};
 use super::{Fit, FitSettings, Prepared, Standing, TOLD_APART, Visit, fit, prepare};
 use crate::record::Record;
 use crate::rig::{CommandPath, Range, Rig};
 use eha_monitor::fit::identify::{self, StopReason};
 use eha_monitor::fit::problem::Misfit;
 use std::iter;
+use std::time::Instant;
 
 /// Share of what one reading leaves beyond noise that another must undercut to be taken though it leaves more than noise
 /// itself.
@@ -57,21 +58,24 @@ impl Reading {
 pub struct AsRead {
     /// The reading.
     pub reading: Reading,
-    /// The fit, with the effort of all readings. Its intervals hold those of the others that may be it as well.
+    /// The fit, with the effort of all readings and seeds. Its intervals hold those of the others that may be it as well.
     pub fit: Fit,
     /// Did another reading do as well, and widen an interval by more than a standard error?
     pub is_open: bool,
 }
 
 /// Fits the ranges to records in every reading that the rig leaves open. Where that leaves more than noise in all of them,
-/// each is fitted from more seeds: a search may have ended in a wrong valley.
+/// each is fitted from more seeds: a search may have ended in a wrong valley. `watch` is told where each search stands, and
+/// `tell` of those from more seeds.
 pub fn fit_as_read(
     rig: &Rig,
     ranges: &[Range],
     records: &[Prepared],
     settings: &FitSettings,
     watch: impl Fn(Standing) + Sync,
+    tell: impl FnOnce(&str),
 ) -> AsRead {
+    let started = Instant::now();
     let mut fitted: Vec<(Reading, Fit)> = Vec::new();
     let is_interrupted = |fitted: &[(Reading, Fit)]| fitted.iter().any(|(_, fit)| fit.interrupted);
     let is_known = |fitted: &[(Reading, Fit)]| {
@@ -90,6 +94,11 @@ pub fn fit_as_read(
         }
     }
     let seeds = if is_known(&fitted) { 1 } else { MORE_SEEDS };
+    if seeds > 1 {
+        tell(&format!("more than noise is left: searching from {} more seeds", seeds - 1));
+    }
+    // What was cut short says nothing against what was not.
+    let are_whole: Vec<bool> = fitted.iter().map(|(_, fit)| !fit.interrupted).collect();
     let settled = |(reading, first): (Reading, Fit)| {
         let Reading { rig, records } = &reading;
         let fit = or_from_seeds(first, rig, ranges, records, settings, seeds, &watch);
@@ -104,19 +113,16 @@ pub fn fit_as_read(
     };
     fitted = fitted.into_iter().map(likeliest).collect();
     let mut chosen = speaks_for(&misfits);
-    if fitted[chosen].1.interrupted {
+    if !are_whole[chosen] {
         chosen = 0;
     }
-    let mut visits: Vec<Visit> = Vec::new();
-    let mut evaluations = 0;
+    let mut in_all = InAll::default();
     for (reading, (_, fit)) in fitted.iter_mut().enumerate() {
-        let in_all = |visit: Visit| Visit { evaluations: evaluations + visit.evaluations, reading, ..visit };
-        visits.extend(fit.visits.drain(..).map(in_all));
-        evaluations += fit.evaluations;
+        in_all.add(fit, |visit| Visit { reading, ..visit });
     }
+    let InAll { visits, evaluations, interrupted } = in_all;
     let generations = generations(&visits, settings.population);
-    let seconds = fitted.iter().map(|(_, fit)| fit.seconds).sum();
-    let interrupted = is_interrupted(&fitted);
+    let seconds = started.elapsed().as_secs_f64();
     let (reading, fit) = fitted.swap_remove(chosen);
     let mut fit = Fit { evaluations, generations, seconds, interrupted, visits, reading: chosen, ..fit };
     let mut is_open = false;
@@ -128,12 +134,22 @@ pub fn fit_as_read(
 }
 
 /// Would the ranges fit the records down to the noise if their commands had been recorded one sample earlier? Then that is
-/// what is wrong with them: no actuator answers a command that is still to come.
-pub fn is_command_late(rig: &Rig, ranges: &[Range], records: &[Record], settings: &FitSettings) -> bool {
+/// what is wrong with them: no actuator answers a command that is still to come. The effort of asking is added to a fit of
+/// them as they are.
+pub fn is_command_late(
+    rig: &Rig,
+    ranges: &[Range],
+    records: &[Record],
+    settings: &FitSettings,
+    asking: &mut Fit,
+) -> bool {
     let earlier: Vec<Prepared> =
         records.iter().map(|record| prepare(rig, &record.with_earlier_command())).collect();
-    let moved = fit_as_read(rig, ranges, &earlier, settings, |_| {});
-    moved.fit.stop == StopReason::NoiseReached
+    let moved = fit_as_read(rig, ranges, &earlier, settings, |_| {}, |_| {}).fit;
+    asking.evaluations += moved.evaluations;
+    asking.seconds += moved.seconds;
+    asking.interrupted |= moved.interrupted;
+    moved.stop == StopReason::NoiseReached
 }
 
 /// Of misfits of the same model in several readings, the place of the one that the records speak for: the first, unless

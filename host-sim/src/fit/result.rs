@@ -4,6 +4,7 @@ use super::engine::{self, FIT_TOLERANCE, Job, on_records};
 use super::estimate::{Estimate, estimates};
 use super::{Correlation, Polished, Prepared, Valley, Visit};
 use super::{calibration_errors, most_likely, noise, polish, systematic};
+use crate::interrupt;
 use crate::rig::{Calibration, Range, Rig};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::identify::StopReason;
@@ -66,7 +67,8 @@ impl Fit {
         Correlation::new(self.estimates.iter().map(|estimate| estimate.parameter), &self.covariance)
     }
 
-    /// The fit at the bottom of its valley, and with the intervals that this leaves open, where it leaves noise.
+    /// The fit at the bottom of its valley, and with the intervals that this leaves open, where it leaves noise. Where the
+    /// user ends that early, the intervals are those of the part of the valley that was seen.
     pub(super) fn settled(self, rig: &Rig, ranges: &[Range], records: &[Prepared]) -> Self {
         if self.stop != StopReason::NoiseReached {
             return self;
@@ -79,6 +81,8 @@ impl Fit {
             on_records(rig, ranges, records, FIT_TOLERANCE, Moved { fit: self, there: bottom })
         };
         valley.widen(&mut settled.estimates);
+        settled.evaluations += valley.evaluations;
+        settled.interrupted |= interrupt::requested();
         settled
     }
 
@@ -123,6 +127,7 @@ impl Fit {
             values: self.estimates.iter().map(|estimate| estimate.value).collect(),
             misfit: self.misfit,
             covariance: self.covariance.clone(),
+            evaluations: self.evaluations,
         }
     }
 
@@ -155,7 +160,7 @@ impl Job for Moved<'_> {
     type Output = Fit;
 
     fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Fit {
-        let Polished { values, misfit, covariance } = self.there;
+        let Polished { values, misfit, covariance, .. } = self.there;
         let genes = polish::genes_of(problem, values);
         let of_genes = systematic::covariance_of_genes(problem, covariance);
         let systematic = systematic::of_genes(problem, &genes, &of_genes, steppers);

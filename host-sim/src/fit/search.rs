@@ -2,8 +2,8 @@
 
 use super::engine::{self, FIT_TOLERANCE, Job, on_records};
 use super::estimate::{estimates, in_units};
-use super::visits::{generations, note_visits};
-use super::{BETTER_VALLEY, Fit, MAX_FREE, MAX_POPULATION, Prepared};
+use super::visits::{InAll, generations, note_visits};
+use super::{BETTER_VALLEY, Fit, MAX_FREE, MAX_POPULATION, Prepared, Visit};
 use super::{correlation_time, noise, polish, pooled, residual_series, systematic};
 use crate::interrupt;
 use crate::rig::{Range, Rig};
@@ -12,6 +12,7 @@ use eha_monitor::fit::problem::Problem;
 use eha_monitor::integrate::Stepper;
 use nalgebra::SMatrix;
 use rayon::prelude::*;
+use std::iter;
 use std::time::Instant;
 
 /// How a fit is made.
@@ -72,7 +73,8 @@ pub fn fit_from_seeds(
     or_from_seeds(first, rig, ranges, records, settings, seeds, watch).settled(rig, ranges, records)
 }
 
-/// A fit; where it leaves more than noise, the one with the deepest valley of it and those from more seeds.
+/// A fit; where it leaves more than noise, the one with the deepest valley of it and those from more seeds, with the effort
+/// of all of them. It is interrupted if one of them is.
 pub(super) fn or_from_seeds(
     first: Fit,
     rig: &Rig,
@@ -85,13 +87,31 @@ pub(super) fn or_from_seeds(
     if first.stop == StopReason::NoiseReached {
         return first;
     }
+    let started = Instant::now();
+    let before = first.seconds;
     let from = |seed| fit(rig, ranges, records, &FitSettings { seed, ..*settings }, &watch);
     let others: Vec<Fit> =
         (1..seeds).into_par_iter().map(|more| from(settings.seed.wrapping_add(more))).collect();
+    let mut all: Vec<Fit> = iter::once(first).chain(others).collect();
+    let mut in_all = InAll::default();
+    for (search, fit) in all.iter_mut().enumerate() {
+        in_all.add(fit, |visit| Visit { search, ..visit });
+    }
     let better = |best: Fit, other: Fit| {
         if other.misfit.chi_square < best.misfit.chi_square - BETTER_VALLEY { other } else { best }
     };
-    others.into_iter().fold(first, better)
+    let first = all.remove(0);
+    let best = all.into_iter().fold(first, better);
+    let InAll { visits, evaluations, interrupted } = in_all;
+    Fit {
+        generations: generations(&visits, settings.population),
+        // They are made side by side.
+        seconds: before + started.elapsed().as_secs_f64(),
+        visits,
+        evaluations,
+        interrupted,
+        ..best
+    }
 }
 
 /// Fits the ranges to the records where some values, one for each range, are known to be good: the search has them from

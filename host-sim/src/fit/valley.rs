@@ -5,6 +5,7 @@
 //! records leave a value open, and a search that ends in the first that leaves noise may be far from the lowest.
 
 use super::{BETTER_VALLEY, Estimate, OF_95, Polished, Prepared, polish};
+use crate::interrupt;
 use crate::rig::{Range, Rig};
 use rayon::prelude::*;
 use std::iter;
@@ -27,6 +28,8 @@ const MOST_WALKS: usize = 5;
 pub struct Valley {
     /// Its bottom.
     pub bottom: Polished,
+    /// Evaluations of the model that this took.
+    pub evaluations: u32,
     places: Vec<Place>,
 }
 
@@ -36,12 +39,14 @@ struct Place {
     /// All values there.
     values: Vec<f64>,
     chi_square: f64,
+    /// Evaluations of the model that led there.
+    evaluations: u32,
 }
 
 impl Valley {
     /// Walks from a fit along each of its first values, so many, and goes to where that leads down.
     pub fn around(rig: &Rig, ranges: &[Range], fit: &Polished, records: &[Prepared], values: usize) -> Self {
-        let mut valley = Self { bottom: fit.clone(), places: Vec::new() };
+        let mut valley = Self { bottom: fit.clone(), evaluations: 0, places: Vec::new() };
         for _ in 0..MOST_WALKS {
             let fit = &valley.bottom;
             let walks = (0..values).flat_map(|index| [-1.0, 1.0].map(|side| (index, side)));
@@ -51,9 +56,12 @@ impl Valley {
             let lowest = seen.iter().min_by(|a, b| a.chi_square.total_cmp(&b.chi_square));
             let lower = lowest
                 .filter(|lowest| lowest.chi_square < fit.misfit.chi_square - BETTER_VALLEY)
-                .and_then(|lowest| polish(rig, ranges, &lowest.values, records))
-                .filter(|lower| lower.misfit.chi_square < fit.misfit.chi_square - BETTER_VALLEY);
-            valley.places.push(Place { values: fit.values.clone(), chi_square: fit.misfit.chi_square });
+                .and_then(|lowest| polish(rig, ranges, &lowest.values, records));
+            let walked: u32 = seen.iter().map(|place| place.evaluations).sum();
+            valley.evaluations += walked + lower.as_ref().map_or(0, |lower| lower.evaluations);
+            let lower = lower.filter(|lower| lower.misfit.chi_square < fit.misfit.chi_square - BETTER_VALLEY);
+            let (values, chi_square) = (fit.values.clone(), fit.misfit.chi_square);
+            valley.places.push(Place { values, chi_square, evaluations: 0 });
             valley.places.extend(seen);
             let Some(lower) = lower else { break };
             valley.bottom = lower;
@@ -98,7 +106,7 @@ impl Walk<'_> {
         let (mut open, mut shut) = (None, 0.0);
         let mut closed = 0;
         let mut offset = self.side * OF_95 * self.fit.standard_error(self.index);
-        while closed < CLOSED && places.len() < MOST_PLACES {
+        while closed < CLOSED && places.len() < MOST_PLACES && !interrupt::requested() {
             offset *= FURTHER;
             if !(range.lower..=range.upper).contains(&(value + offset)) {
                 break;
@@ -116,7 +124,7 @@ impl Walk<'_> {
             places.push(place);
         }
         for _ in 0..HALVED {
-            let Some(inside) = open.filter(|_| closed > 0) else { break };
+            let Some(inside) = open.filter(|_| closed > 0 && !interrupt::requested()) else { break };
             let between = 0.5 * (inside + shut);
             let place = self.place(between, &slopes);
             if place.chi_square - least > RISE {
@@ -144,8 +152,9 @@ impl Walk<'_> {
         let ranges = [&self.ranges[..self.index], &self.ranges[self.index + 1..]].concat();
         let there = polish(&rig, &ranges, &others(&start), self.records);
         let chi_square = there.as_ref().map_or(f64::INFINITY, |there| there.misfit.chi_square);
+        let evaluations = there.as_ref().map_or(0, |there| there.evaluations);
         let mut values = there.map_or_else(|| others(&start), |there| there.values);
         values.insert(self.index, start[self.index]);
-        Place { values, chi_square }
+        Place { values, chi_square, evaluations }
     }
 }

@@ -1,6 +1,6 @@
 //! Where a search has been.
 
-use super::{MAX_FREE, MAX_POPULATION};
+use super::{Fit, MAX_FREE, MAX_POPULATION};
 use eha_monitor::fit::identify::{Identification, Progress};
 use eha_monitor::fit::problem::Problem;
 
@@ -19,6 +19,37 @@ pub struct Visit {
     pub evaluations: u32,
     /// Which reading of the records was searched.
     pub reading: usize,
+    /// Which search of that reading it was, of those from several seeds.
+    pub search: usize,
+}
+
+impl Visit {
+    /// Is it one of the same search as another?
+    pub fn is_of_search_of(&self, other: &Self) -> bool {
+        (self.reading, self.search) == (other.reading, other.search)
+    }
+}
+
+/// What several searches took together.
+#[derive(Default)]
+pub(super) struct InAll {
+    /// Their visits, one search after the other.
+    pub(super) visits: Vec<Visit>,
+    /// Evaluations of the model.
+    pub(super) evaluations: u32,
+    /// Was one of them interrupted?
+    pub(super) interrupted: bool,
+}
+
+impl InAll {
+    /// Takes over what one more of them took; `placed` says which one it is.
+    pub(super) fn add(&mut self, fit: &mut Fit, placed: impl Fn(Visit) -> Visit) {
+        let before = self.evaluations;
+        let later = |visit: Visit| placed(Visit { evaluations: before + visit.evaluations, ..visit });
+        self.visits.extend(fit.visits.drain(..).map(later));
+        self.evaluations += fit.evaluations;
+        self.interrupted |= fit.interrupted;
+    }
 }
 
 /// Generations in a search: as many children as the population has members, its first members included.
@@ -41,7 +72,15 @@ pub(super) fn note_visits(
     let finish = progress == Progress::Finished;
     let visit = |genes: &[f64; MAX_FREE]| {
         let values = problem.free.iter().zip(genes).map(|(free, &gene)| free.value(gene)).collect();
-        Visit { values, best, worst, finish, evaluations: identification.evaluations(), reading: 0 }
+        Visit {
+            values,
+            best,
+            worst,
+            finish,
+            evaluations: identification.evaluations(),
+            reading: 0,
+            search: 0,
+        }
     };
     match (progress, identification.result()) {
         (Progress::Filled, _) => {

@@ -67,8 +67,8 @@ fn near(ranges: [Range; 2], estimates: [&Estimate; 2]) -> Option<[Range; 2]> {
 fn convergence(fit: &Fit, population: usize, wide: bool) -> Markup {
     let mut children = 0.0;
     let (mut areas, mut best, mut finishes) = (Vec::new(), Vec::new(), Vec::new());
-    let readings: Vec<&[Visit]> = fit.visits.chunk_by(|one, next| one.reading == next.reading).collect();
-    for visits in &readings {
+    let searches: Vec<&[Visit]> = fit.visits.chunk_by(Visit::is_of_search_of).collect();
+    for visits in &searches {
         let mut area = Vec::new();
         for visit in *visits {
             children += f64::from(u8::from(!visit.finish));
@@ -85,14 +85,13 @@ fn convergence(fit: &Fit, population: usize, wide: bool) -> Markup {
         best.push([f64::NAN; 2]);
     }
     let layers = [areas, vec![Layer::Curve(Role::Model, best), Layer::Dots(Role::Before, finishes)]].concat();
-    let several = if readings.len() > 1 {
-        format!(
-            " {} readings of the records were searched, one after the other; number {} was taken.",
-            readings.len(),
+    let readings = searches.iter().filter_map(|visits| visits.last()).map(|last| last.reading + 1).max();
+    let several = match readings {
+        Some(readings @ 2..) => format!(
+            " {readings} readings of the records were searched, one after the other; number {} was taken.",
             fit.reading + 1
-        )
-    } else {
-        String::new()
+        ),
+        _ => String::new(),
     };
     Plot {
         title: "Search: cost over the generations".to_owned(),

@@ -162,9 +162,18 @@ impl Job<'_> {
         let mut diagnosis = diagnose(&case, &settings, &|stage| output::show_stage(&bar, stage));
         if diagnosis.verdict == Verdict::Unexplained
             && diagnosis.early.is_none()
-            && fit::is_command_late(&self.rig, &self.rig.declared(), &self.train, &settings)
+            && fit::is_command_late(
+                &self.rig,
+                &self.rig.declared(),
+                &self.train,
+                &settings,
+                &mut diagnosis.before,
+            )
         {
             self.record_notes.push(output::LATE_COMMAND.to_owned());
+        }
+        if interrupt::requested() {
+            diagnosis.early = Some(Early::Interrupted);
         }
         bar.finish_and_clear();
         self.rig = self.rig.with_spool_of(&diagnosis.rig);

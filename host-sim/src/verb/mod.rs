@@ -322,11 +322,12 @@ fn fit_records(
     let settings = FitSettings { seed: common.seed, population: options.population, budget: options.budget };
     let bar = output::bar(common, u64::from(options.budget), "identifying", Time::Left);
     let show = |standing| output::show_standing(&bar, standing);
-    let AsRead { reading: Reading { rig, records: prepared }, fit, is_open: reading_open } =
-        fit::fit_as_read(&rig, &ranges, &prepared, &settings, show);
+    let tell = |what: &str| bar.suspend(|| output::log(common, what));
+    let AsRead { reading: Reading { rig, records: prepared }, mut fit, is_open: reading_open } =
+        fit::fit_as_read(&rig, &ranges, &prepared, &settings, show, tell);
     let is_late = !fit.interrupted
         && fit.misfit.mean_square() > SUSPECT
-        && fit::is_command_late(&rig, &ranges, &records, &settings);
+        && fit::is_command_late(&rig, &ranges, &records, &settings, &mut fit);
     if is_late {
         record_notes.push(output::LATE_COMMAND.to_owned());
     }

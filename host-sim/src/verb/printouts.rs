@@ -89,7 +89,8 @@ impl Truth {
     }
 }
 
-/// The log of a search: a line for each generation and for each finish, of one reading of the records after the other.
+/// The log of a search: a line for each generation and for each finish, of one reading of the records after the other, and one
+/// for where it ended, with the evaluations along its valley.
 pub(super) fn log(fit: &Fit, population: usize) -> Table {
     let readings = fit.visits.last().map_or(1, |last| last.reading + 1);
     let mut header = ["generation", "evaluations", "best", "worst"].map(str::to_owned).to_vec();
@@ -102,7 +103,7 @@ pub(super) fn log(fit: &Fit, population: usize) -> Table {
     let mut children = 0;
     for visit in &fit.visits {
         children += usize::from(!visit.finish);
-        if best.is_none_or(|best| visit.reading != best.reading || visit.best < best.best) {
+        if best.is_none_or(|best| !visit.is_of_search_of(best) || visit.best < best.best) {
             best = Some(visit);
         }
         if !(visit.finish || children % population.max(1) == 0) {
@@ -128,5 +129,14 @@ pub(super) fn log(fit: &Fit, population: usize) -> Table {
         );
         table.add_row(row);
     }
+    let mut row =
+        ["end", &fit.evaluations.to_string(), &format!("{:.4}", fit.misfit.mean_square().sqrt()), "-"]
+            .map(str::to_owned)
+            .to_vec();
+    if readings > 1 {
+        row.insert(0, format!("{} (taken)", fit.reading + 1));
+    }
+    row.extend(fit.estimates.iter().map(|estimate| quantity(estimate.value, estimate.parameter.info().unit)));
+    table.add_row(row);
     table
 }

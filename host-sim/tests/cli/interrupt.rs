@@ -4,7 +4,7 @@ use super::harness::{Bench, named, number};
 use serde_json::Value;
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::process::{Child, Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Exit code as the program's help states it.
 const INTERRUPTED: i32 = 130;
@@ -21,6 +21,34 @@ fn start(bench: &Bench, arguments: &[&str]) -> Child {
 fn interrupt(child: &Child, signal: &str) {
     let sent = Command::new("kill").args([signal, &child.id().to_string()]).status().expect("kill runs");
     assert!(sent.success(), "the program was still running");
+}
+
+/// Reads its log up to a line that has some words; the rest is read by nobody.
+fn wait_for(child: &mut Child, words: &str) {
+    let mut log = BufReader::new(child.stderr.take().expect("a pipe"));
+    let mut line = String::new();
+    while !line.contains(words) {
+        line.clear();
+        assert!(log.read_line(&mut line).expect("a line") > 0, "`{words}` is told");
+    }
+    std::thread::spawn(move || std::io::copy(&mut log, &mut std::io::sink()));
+}
+
+/// Waits until the program watches for both signals, which it does before its work.
+fn wait_until_it_watches(child: &Child) {
+    // Bits of SIGINT and of SIGTERM, which comes last.
+    let both = 1 << (2 - 1) | 1 << (15 - 1);
+    let started = Instant::now();
+    while started.elapsed() < Duration::from_mins(1) {
+        let status =
+            std::fs::read_to_string(format!("/proc/{}/status", child.id())).expect("it runs, on Linux");
+        let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).expect("a mask");
+        if u64::from_str_radix(caught.trim(), 16).expect("a mask") & both == both {
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    panic!("the program does not watch for signals");
 }
 
 /// The result that an interrupted program prints.
@@ -42,7 +70,7 @@ fn a_calibration_writes_what_it_has_found_but_no_rig() {
     bench.write("slow.toml", "[parameters]\nmetering_blend = 1.0\n");
     let options = ["--rig", "slow.toml", "--bounds", "fdj=200..4000", "--json", "--out", "found"];
     let mut child = start(&bench, &[&["calibrate"][..], &["long.csv"; 10], &options].concat());
-    std::thread::sleep(Duration::from_millis(1500));
+    wait_until_it_watches(&child);
     interrupt(&child, "-INT");
     let mut log = child.stderr.take().expect("a pipe");
     let result = result(child);
@@ -64,8 +92,8 @@ fn an_identification_gives_what_it_has_found() {
     // The square-root metering is stepped, not exact, and the record counts ten times: a search of many seconds.
     bench.write("slow.toml", "[parameters]\nmetering_blend = 1.0\n");
     let options = ["--rig", "slow.toml", "--json", "--out", "found"];
-    let child = start(&bench, &[&["identify"][..], &["long.csv"; 10], &options].concat());
-    std::thread::sleep(Duration::from_millis(1500));
+    let mut child = start(&bench, &[&["identify"][..], &["long.csv"; 10], &options].concat());
+    wait_for(&mut child, "samples in common");
     interrupt(&child, "-INT");
     let result = result(child);
     assert_eq!(result["stop"], "interrupted", "{result}");
@@ -76,18 +104,47 @@ fn an_identification_gives_what_it_has_found() {
     assert!(bench.path("found/report.html").exists() && bench.path("found/identify.json").exists());
 }
 
+/// Records of an actuator that no value of its faults explains, so that more seeds are searched from.
+fn unexplained(bench: &Bench) -> Vec<&'static str> {
+    let lacking = ["--effect", "sensor-lag=2e-3", "--effect", "constant-load=2000"];
+    let options = ["--model", "lf", "--command", "sine", "--duration", "4", "--noise", "lvdt_m=1e-6"];
+    bench.simulate("lacking.csv", &[&options[..], &lacking].concat());
+    vec!["identify", "lacking.csv", "--json"]
+}
+
+#[test]
+fn a_search_from_more_seeds_is_interrupted_like_any_other_and_counted() {
+    let bench = Bench::new();
+    let mut arguments = unexplained(&bench);
+    let started = Instant::now();
+    let run = bench.run(&arguments);
+    let took = started.elapsed().as_secs_f64();
+    let whole = run.json();
+    assert_eq!((run.code, &whole["stop"]), (Some(0), &"settled".into()), "{whole}");
+    assert!(run.stderr.contains("searching from 3 more seeds"), "{}", run.stderr);
+    // Nearly all of its time is that of searches.
+    let seconds = number(&whole["seconds"]);
+    assert!(seconds <= took && seconds > 0.5 * took, "{seconds} of {took}");
+
+    arguments.extend(["--out", "found"]);
+    let mut child = start(&bench, &arguments);
+    wait_for(&mut child, "searching from 3 more seeds");
+    interrupt(&child, "-INT");
+    let cut = result(child);
+    assert_eq!(cut["stop"], "interrupted", "{cut}");
+    assert!(cut["warnings"].to_string().contains("interrupted"), "{cut}");
+    let evaluations = |result: &Value| number(&result["evaluations"]);
+    assert!(evaluations(&cut) < evaluations(&whole), "{cut}");
+    assert!(bench.path("found/identify.json").exists());
+}
+
 #[test]
 fn a_diagnosis_rules_nothing_out_that_it_has_not_tried() {
     let bench = Bench::new();
     let mut child = start(&bench, &["demo", "--json", "--out", "demo"]);
-    let mut log = BufReader::new(child.stderr.take().expect("a pipe"));
-    let mut line = String::new();
-    while !line.contains("mixed-step") {
-        line.clear();
-        assert!(log.read_line(&mut line).expect("a line") > 0, "the records are written first");
-    }
+    // The records are written first.
+    wait_for(&mut child, "mixed-step");
     interrupt(&child, "-TERM");
-    std::thread::spawn(move || std::io::copy(&mut log, &mut std::io::sink()));
     let result = result(child);
     assert!(result["warnings"].to_string().contains("not ruled out"), "{result}");
     assert_eq!(result["interrupted"], true, "{result}");
@@ -99,7 +156,7 @@ fn a_diagnosis_rules_nothing_out_that_it_has_not_tried() {
 fn the_cases_of_a_loop_that_was_not_closed_claim_nothing_of_it() {
     let bench = Bench::new();
     let child = start(&bench, &["reproduce", "--json", "--out", "cases"]);
-    std::thread::sleep(Duration::from_millis(300));
+    wait_until_it_watches(&child);
     interrupt(&child, "-INT");
     let result = result(child);
     assert_eq!(result["interrupted"], true, "{result}");

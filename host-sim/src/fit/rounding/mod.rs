@@ -88,6 +88,7 @@ impl Search<'_> {
                 .map(|row| (0..count).map(|column| of_two(row, column)).collect())
                 .collect(),
             values: here.values,
+            evaluations: self.fit.evaluations,
         })
     }
 
