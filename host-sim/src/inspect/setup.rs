@@ -30,6 +30,10 @@ const MORE: f64 = 2.0;
 /// Samples by which a position must be ahead of its command: a clock that is one off is another matter.
 const AHEAD: f64 = 2.0;
 
+/// Most faults whose ends are tried in every combination: of 20 there would be a million. Beyond it they go to their ends one
+/// after the other.
+const MOST_COMBINED: usize = 4;
+
 /// How many times as far as its model a channel may move, or as little.
 const fn most(channel: Channel) -> f64 {
     match channel {
@@ -133,13 +137,22 @@ fn beyond_faults(rig: &Rig, record: &Record) -> Vec<String> {
         [Channel::UserPosition, Channel::Command].map(|of| record.channel(of).unwrap_or_default());
     let period = record.sample_period_s();
     let prepared = [fit::prepare_with(rig, record, fit::noise_of(rig, record))];
-    let answers: Vec<Vec<f64>> = extremes(rig)
-        .iter()
-        .map(|rig| fit::glimpse(rig, &prepared).concat().iter().map(|output| output.user).collect())
-        .collect();
-    let mut found = Vec::new();
     let delay = |position: &[f64]| response(&likeness(position, command, period), period);
-    let latest = answers.iter().filter_map(|answer| delay(answer)).map(|of| of.delay_s).fold(0.0, f64::max);
+    let mut answered = |rig: &Rig| {
+        let answer: Vec<f64> =
+            fit::glimpse(rig, &prepared).concat().iter().map(|output| output.user).collect();
+        Answer {
+            delay_s: delay(&answer).map_or(0.0, |of| of.delay_s),
+            beside: mean_difference(position, &answer),
+        }
+    };
+    let answers = if rig.faults.len() <= MOST_COMBINED {
+        extremes(rig).iter().map(answered).collect()
+    } else {
+        Answer::MEASURES.map(|measure| walked(rig, measure, &mut answered)).concat()
+    };
+    let mut found = Vec::new();
+    let latest = answers.iter().map(|answer| answer.delay_s).fold(0.0, f64::max);
     if let Some(late) =
         delay(position).filter(|of| of.correlation > ALIKE && of.delay_s > latest + AHEAD * period)
     {
@@ -152,7 +165,7 @@ fn beyond_faults(rig: &Rig, record: &Record) -> Vec<String> {
     }
     // A play may hang on either side.
     let play = range_of(rig, Parameter::Backlash).map_or(0.0, |range| range.upper);
-    let beside: Vec<f64> = answers.iter().map(|answer| mean_difference(position, answer)).collect();
+    let beside: Vec<f64> = answers.iter().map(|answer| answer.beside).collect();
     let [least, most] = fit::extent(&beside);
     let nearest = if least > 0.0 { least } else { most.min(0.0) };
     if nearest.abs() > play {
@@ -164,16 +177,48 @@ fn beyond_faults(rig: &Rig, record: &Record) -> Vec<String> {
     found
 }
 
-/// A rig with each of its faults at its smallest and at its largest.
-fn extremes(rig: &Rig) -> Vec<Rig> {
-    rig.faults.iter().fold(vec![rig.clone()], |rigs, range| {
-        let at = |rig: &Rig, value: f64| {
-            let mut rig = rig.clone();
-            rig.parameters.set(range.parameter, value);
-            rig
-        };
-        rigs.iter().flat_map(|rig| [at(rig, range.lower), at(rig, range.upper)]).collect()
+/// How a record stands to what a rig answers.
+#[derive(Clone, Copy, Debug)]
+struct Answer {
+    /// How late the rig is, s.
+    delay_s: f64,
+    /// How far the record is beside it, in the mean, m.
+    beside: f64,
+}
+
+impl Answer {
+    /// What the faults are taken to their ends for: the latest answer, and those furthest to either side.
+    const MEASURES: [fn(&Self) -> f64; 3] =
+        [|answer| answer.delay_s, |answer| answer.beside, |answer| -answer.beside];
+}
+
+/// A rig with one of its faults at its smallest and at its largest.
+fn ends(rig: &Rig, range: &Range) -> [Rig; 2] {
+    [range.lower, range.upper].map(|value| {
+        let mut rig = rig.clone();
+        rig.parameters.set(range.parameter, value);
+        rig
     })
+}
+
+/// A rig with each of its faults at its smallest and at its largest, in every combination.
+fn extremes(rig: &Rig) -> Vec<Rig> {
+    let at_ends = |rigs: Vec<Rig>, range| rigs.iter().flat_map(|rig| ends(rig, range)).collect();
+    rig.faults.iter().fold(vec![rig.clone()], at_ends)
+}
+
+/// The answers on the way of a rig whose faults go, one after the other, to the end at which a measure is larger.
+fn walked(rig: &Rig, measure: fn(&Answer) -> f64, mut answered: impl FnMut(&Rig) -> Answer) -> Vec<Answer> {
+    let mut here = rig.clone();
+    let mut all = Vec::new();
+    for range in &rig.faults {
+        let [low, high] = ends(&here, range);
+        let answers = [answered(&low), answered(&high)];
+        let [of_low, of_high] = answers.each_ref().map(measure);
+        here = if of_high > of_low { high } else { low };
+        all.extend(answers);
+    }
+    all
 }
 
 fn range_of(rig: &Rig, parameter: Parameter) -> Option<&Range> {
@@ -311,4 +356,72 @@ impl Beside<'_> {
 /// A number to four digits.
 fn rounded(value: f64) -> f64 {
     format!("{value:.3e}").parse().unwrap_or(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Answer, extremes, remarks, walked};
+    use crate::record::Record;
+    use crate::rig::{Range, Rig};
+    use eha_monitor::channel::Channel;
+    use eha_monitor::parameter::Parameter;
+    use std::time::{Duration, Instant};
+
+    /// A rig with so many faults.
+    fn with_faults(count: usize) -> Rig {
+        let mut rig = Rig::load("eha").unwrap();
+        let others = Parameter::all().filter(|parameter| {
+            let info = parameter.info();
+            let is_wide = info.lower < info.default && info.default < info.upper && info.upper.is_finite();
+            is_wide && info.default != 0.0 && rig.faults.iter().all(|known| known.parameter != *parameter)
+        });
+        let near = |parameter: Parameter| {
+            let default = parameter.info().default;
+            Range::around(parameter, default, 0.01 * default.abs())
+        };
+        let more: Vec<Range> = others.map(near).collect();
+        rig.faults.extend(more);
+        assert!(rig.faults.len() >= count);
+        rig.faults.truncate(count);
+        rig
+    }
+
+    #[test]
+    fn one_fault_after_the_other_goes_as_far_as_every_combination() {
+        let rig = with_faults(4);
+        let answered = |rig: &Rig| {
+            let part = |range: &Range| rig.parameters.get(range.parameter) / range.upper;
+            let all: Vec<f64> = rig.faults.iter().map(part).collect();
+            Answer { delay_s: all.iter().sum(), beside: all[0] - all[1] + all[2] - all[3] }
+        };
+        let combined: Vec<Answer> = extremes(&rig).iter().map(answered).collect();
+        assert_eq!(combined.len(), 16);
+        for measure in Answer::MEASURES {
+            let walk = walked(&rig, measure, answered);
+            assert_eq!(walk.len(), 8);
+            let furthest = |all: &[Answer]| all.iter().map(measure).fold(f64::NEG_INFINITY, f64::max);
+            assert!((furthest(&walk) - furthest(&combined)).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn many_faults_are_looked_at_before_a_fit_in_no_time() {
+        let command: Vec<f64> = (0..400).map(|k| 1e-3 * (f64::from(k) * 0.03).sin()).collect();
+        let late: Vec<f64> = (0..400).map(|k: usize| command[k.saturating_sub(60)]).collect();
+        let record = |position: Vec<f64>| {
+            let channels = vec![(Channel::Command, command.clone()), (Channel::UserPosition, position)];
+            Record::new("made", 1e-3, 0.0, channels).unwrap()
+        };
+        let started = Instant::now();
+        for count in [2, 13] {
+            let says_late = |position: &[f64]| {
+                let said = remarks(&with_faults(count), &record(position.to_vec()));
+                said.iter().any(|remark| remark.contains("is something delayed"))
+            };
+            let soon: Vec<f64> = (0..400).map(|k: usize| command[k.saturating_sub(10)]).collect();
+            assert!(says_late(&late) && !says_late(&soon), "{count} faults");
+        }
+        // Every combination of 13 would take minutes.
+        assert!(started.elapsed() < Duration::from_secs(20), "{:?}", started.elapsed());
+    }
 }
