@@ -133,9 +133,12 @@ pub fn share_of_steps(
         let mut phases = [0.0; 2];
         for (record, (before, after)) in records.iter().zip(before.iter().zip(after)) {
             let weight = record.noise[channel].powi(-2);
-            let residual = series(slice::from_ref(record), slice::from_ref(after), channel).concat();
-            let changes = fit::differences(after, before, channel).zip(after).zip(residual);
-            for ((change, after), _) in changes.filter(|(_, residual)| residual.is_finite()) {
+            let changes = fit::differences(after, before, channel).zip(after);
+            for (sample, (value, (change, after))) in record.measured(channel).iter().zip(changes).enumerate()
+            {
+                if !(record.is_compared(sample) && value.is_finite()) {
+                    continue;
+                }
                 way += weight * change * change;
                 if let Some(steps) = steps {
                     let (sine, cosine) = (TAU * after.to_array()[channel] / steps.step).sin_cos();
@@ -418,5 +421,34 @@ mod tests {
         // Of an offset as large as they err by, next to nothing.
         let share = share_of(&|_| error);
         assert!(share < 0.05, "{share}");
+    }
+
+    #[test]
+    fn what_is_not_compared_is_no_part_of_the_way_that_steps_make() {
+        let rig = (BUILT_IN[0].make)();
+        let position: Vec<f64> = (0..2000).map(|k| 1e-3 * (f64::from(k) * 5e-3).sin()).collect();
+        let noise = [5e-6, f64::INFINITY, f64::INFINITY, f64::INFINITY];
+        let shown = |user: f64| Outputs { user, ..Outputs::default() };
+        let (step, error) = (2e-5, 3e-6);
+        // At its command, the record is compared from its start on; beside it, not before that is forgotten.
+        let share_of = |offset: f64| {
+            let measured: Vec<f64> = position.iter().map(|user| user + offset).collect();
+            let channels = vec![(Channel::Command, position.clone()), (Channel::UserPosition, measured)];
+            let record = Record::new("beside".to_owned(), 1e-3, 0.0, channels).unwrap();
+            let records = [fit::prepare_with(&rig, &record, noise)];
+            let settling = (0..2000).filter(|&sample| !records[0].is_compared(sample)).count();
+            let after: Vec<_> = position.iter().map(|&user| shown(user)).collect();
+            let change = |(sample, user): (usize, &f64)| {
+                let tooth = 2.0 * SQRT_2 * error * (TAU * user / step).sin();
+                shown(user - if sample < settling { 1e-3 } else { tooth })
+            };
+            let before = position.iter().enumerate().map(change).collect();
+            let steps = [Some(Steps { step, error }), None, None, None];
+            (settling, share_of_steps(&records, &steps, &[before], &[after]))
+        };
+        for (offset, settles) in [(0.0, false), (1e-3, true)] {
+            let (settling, share) = share_of(offset);
+            assert!((settling > 0) == settles && (share - 0.5).abs() < 0.03, "{settling}: {share}");
+        }
     }
 }
