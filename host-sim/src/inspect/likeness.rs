@@ -4,6 +4,8 @@ use crate::fit;
 
 /// Longest delay of the position that is looked for, s.
 const LONGEST_DELAY_S: f64 = 0.5;
+/// Correlation with itself from which on a series repeats itself.
+const PERIODIC: f64 = 0.9;
 /// Difference of correlations that does not count.
 const ABOUT_AS_HIGH: f64 = 0.02;
 
@@ -16,14 +18,31 @@ pub struct Response {
     pub correlation: f64,
 }
 
-/// Correlation of a series with another one so many samples before, from none on; empty where that does not move.
+/// Correlation of a series with another one so many samples before, from none on; empty where that does not move. Where it
+/// repeats itself, the last one is half a period before: nobody knows of which period the answer is.
 pub(super) fn likeness(later: &[f64], earlier: &[f64], period: f64) -> Vec<f64> {
     let [low, high] = fit::extent(earlier);
     if low >= high {
         return Vec::new();
     }
     let most = ((LONGEST_DELAY_S / period) as usize).min(later.len() / 4);
-    (0..=most).map(|delay| correlation(&later[delay..], earlier)).collect()
+    let half = repeats_after(earlier, 2 * most).map_or(most, |repeats| repeats / 2);
+    (0..=most.min(half)).map(|delay| correlation(&later[delay..], earlier)).collect()
+}
+
+/// After how many samples a series repeats itself, so many at most.
+fn repeats_after(series: &[f64], most: usize) -> Option<usize> {
+    let most = most.min(series.len() / 2);
+    let mut alike = (1..most).map(|delay| (delay, correlation(&series[delay..], series)));
+    // It has to have been another one in between.
+    alike.find(|(_, alike)| *alike < 0.0)?;
+    let (mut best, mut highest) = alike.find(|(_, alike)| *alike > PERIODIC)?;
+    for (delay, alike) in alike.take_while(|(_, alike)| *alike > PERIODIC) {
+        if alike > highest {
+            (best, highest) = (delay, alike);
+        }
+    }
+    Some(best)
 }
 
 /// The delay at which they are most alike.
@@ -84,5 +103,27 @@ mod tests {
         let found = response(&likeness(&position, &command, 1e-3), 1e-3).unwrap();
         assert!((found.delay_s - 0.0123).abs() < 2e-4 && found.correlation > 0.999, "{found:?}");
         assert!(likeness(&position, &[0.0; 2000], 1e-3).is_empty());
+    }
+
+    #[test]
+    fn an_answer_to_what_repeats_itself_is_not_a_period_late() {
+        let turns = |k: usize| std::f64::consts::TAU * 5.0 * k as f64 * 1e-3;
+        let command: Vec<f64> = (0..5000).map(|k| turns(k).sin()).collect();
+        // It starts from rest and goes too far at first, which makes the first period less alike than all others.
+        let answer = |k: usize| match k.checked_sub(45) {
+            Some(k) if k < 400 => 1.6 * turns(k).sin(),
+            Some(k) => turns(k).sin(),
+            None => 0.0,
+        };
+        let late = |by: usize| -> Vec<f64> {
+            (0..5000).map(|k: usize| k.checked_sub(by).map_or(0.0, answer)).collect()
+        };
+        let delay = |position: &[f64]| response(&likeness(position, &command, 1e-3), 1e-3).unwrap().delay_s;
+        assert!((delay(&late(0)) - 0.045).abs() < 1e-3, "{}", delay(&late(0)));
+        // What is later than that is still told from it.
+        assert!((delay(&late(40)) - 0.085).abs() < 1e-3, "{}", delay(&late(40)));
+        assert_eq!(repeats_after(&command, 1000), Some(200));
+        let sweep: Vec<f64> = (0..5000).map(|k| (turns(k) * k as f64 * 2e-4).sin()).collect();
+        assert_eq!(repeats_after(&sweep, 1000), None);
     }
 }
