@@ -1,6 +1,7 @@
 //! From the best hypothesis to the answer.
 
 use super::case::Case;
+use super::description;
 use super::diagnosis::{Diagnosis, Fault, Found, Verdict, position_rms, score};
 use super::hypothesis::Hypothesis;
 use super::residual;
@@ -173,7 +174,7 @@ pub(super) fn conclude(
     let foretells = |rig: &Rig| case.is_noise_left_of(case.holdout(), &fit::predict(rig, case.holdout()));
     // A model of which nothing but the place was told by the held-out records foretells them.
     let is_open = noise_only && !(foretells(&best.rig) && (!earned.is_empty() || foretells(&bare)));
-    let left = (!noise_only).then(|| residual::describe(&case.train()[0], &predictions[0]));
+    let left = (!noise_only).then(|| description::describe(case.train(), &predictions)).flatten();
     let scores = |records: &[Prepared]| [score(&bare, records), score(&best.rig, records)];
     let correlation = Correlation::new(best.ranges.iter().map(|range| range.parameter), &fit.covariance);
     let calibration = Calibration::of(&estimates, &correlation).after(&case.rig.calibration);

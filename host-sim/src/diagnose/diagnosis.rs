@@ -1,6 +1,7 @@
 //! The answer of a diagnosis.
 
-use super::residual::{self, Description, MEASURED};
+use super::description::Description;
+use super::residual::{self, MEASURED};
 use crate::fit::{self, Correlation, Estimate, Fit, Prepared};
 use crate::rig::Rig;
 use eha_monitor::effect::EffectInfo;

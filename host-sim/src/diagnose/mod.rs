@@ -31,6 +31,7 @@ mod between;
 mod candidate;
 mod case;
 mod conclusion;
+pub mod description;
 mod diagnosis;
 mod growth;
 mod hypothesis;

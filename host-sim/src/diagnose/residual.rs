@@ -5,7 +5,6 @@ use eha_monitor::channel::Channel;
 use eha_monitor::model::state::Outputs;
 use nalgebra::DVector;
 use std::f64::consts::{SQRT_2, TAU};
-use std::iter;
 use std::slice;
 
 /// Channels that the model predicts.
@@ -203,7 +202,7 @@ impl ChannelResidual {
 }
 
 /// Position residual of a record at each sample, m; none where a sample is lost or not compared.
-fn left_at_each(record: &Prepared, outputs: &[Outputs<f64>]) -> Vec<Option<f64>> {
+pub(super) fn left_at_each(record: &Prepared, outputs: &[Outputs<f64>]) -> Vec<Option<f64>> {
     let left = |(sample, output): (usize, &Outputs<f64>)| {
         let left = record.measured(0)[sample] - output.user;
         (record.is_compared(sample) && left.is_finite()).then_some(left)
@@ -220,87 +219,6 @@ pub fn over_time(record: &Prepared, outputs: &[Outputs<f64>], parts: usize) -> V
         left.iter().any(Option::is_some).then(|| fit::rms(left.iter().flatten().copied()))
     };
     (0..parts).map(in_part).collect()
-}
-
-/// What an unexplained residual goes with.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Description {
-    /// Quantity of the motion that it follows best, and the correlation.
-    pub follows: Option<(&'static str, f64)>,
-    /// Interval, s from the start of the first record, that holds half of its power in the shortest time.
-    pub active: [f64; 2],
-    /// Frequency with the most power, Hz, and its share of the power.
-    pub tone: Option<(f64, f64)>,
-}
-
-/// Describes the position residual of a record.
-pub fn describe(record: &Prepared, outputs: &[Outputs<f64>]) -> Description {
-    let period = record.sample_period;
-    let count = outputs.len();
-    let left = left_at_each(record, outputs);
-    // What is lost or not compared adds nothing.
-    let residual: Vec<f64> = left.iter().map(|left| left.unwrap_or(0.0)).collect();
-    let velocity: Vec<f64> = (0..count)
-        .map(|k| (outputs[(k + 1).min(count - 1)].ram - outputs[k.saturating_sub(1)].ram) / (2.0 * period))
-        .collect();
-    let features: [(&str, Vec<f64>); 6] = [
-        ("a constant", vec![1.0; count]),
-        ("the position", outputs.iter().map(|output| output.ram).collect()),
-        ("the velocity", velocity.clone()),
-        ("the direction of motion", velocity.iter().map(|v| v.signum()).collect()),
-        ("the speed", velocity.iter().map(|v| v.abs()).collect()),
-        ("time (a drift)", (0..count).map(|k| k as f64 / count as f64 - 0.5).collect()),
-    ];
-    let norm = |a: &[f64]| a.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let follows = features
-        .iter()
-        .map(|(name, feature)| {
-            let product: f64 = residual.iter().zip(feature).map(|(a, b)| a * b).sum();
-            let compared: Vec<f64> =
-                iter::zip(&left, feature).filter_map(|(left, &value)| left.map(|_| value)).collect();
-            (*name, product / (norm(&residual) * norm(&compared)).max(f64::MIN_POSITIVE))
-        })
-        .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
-        .filter(|(_, correlation)| correlation.abs() > 0.5);
-    let active = active(&residual).map(|sample| sample as f64 * period);
-    Description { follows, active, tone: tone(&residual, period) }
-}
-
-/// First sample, and the one after the last, of the shortest run that holds half of the power.
-fn active(residual: &[f64]) -> [usize; 2] {
-    let total: f64 = residual.iter().map(|x| x * x).sum();
-    let (mut best, mut low, mut power) = ([0, residual.len()], 0, 0.0);
-    for (high, value) in residual.iter().enumerate() {
-        power += value * value;
-        while low < high && power - residual[low] * residual[low] >= total / 2.0 {
-            power -= residual[low] * residual[low];
-            low += 1;
-        }
-        if power >= total / 2.0 && high + 1 - low < best[1] - best[0] {
-            best = [low, high + 1];
-        }
-    }
-    best
-}
-
-fn tone(residual: &[f64], period: f64) -> Option<(f64, f64)> {
-    let count = residual.len();
-    let total: f64 = residual.iter().map(|x| x * x).sum();
-    let power = |frequency: f64| {
-        let (mut cosine, mut sine) = (0.0, 0.0);
-        for (k, value) in residual.iter().enumerate() {
-            let (s, c) = (TAU * frequency * k as f64 * period).sin_cos();
-            cosine += value * c;
-            sine += value * s;
-        }
-        2.0 * (cosine * cosine + sine * sine) / count as f64 / total
-    };
-    let bins = (count / 4).min(400);
-    (1..bins)
-        .map(|bin| bin as f64 / (count as f64 * period))
-        .map(|frequency| (frequency, power(frequency)))
-        .max_by(|a, b| a.1.total_cmp(&b.1))
-        .filter(|(_, share)| *share > 0.4)
 }
 
 #[cfg(test)]
@@ -329,31 +247,6 @@ mod tests {
             // A model whose own error is as large.
             let by_error = test(&[noise(4e-6, cycles)]).unwrap().is_noise(4e-6, None, 5.0);
             assert!(by_error, "{cycles} cycles a sample");
-        }
-    }
-
-    #[test]
-    fn what_is_left_is_described_although_samples_are_lost() {
-        let rig = (BUILT_IN[0].make)();
-        let wave = |k: usize| 4e-3 * (31.4e-3 * k as f64).sin();
-        let outputs: Vec<Outputs<f64>> =
-            (0..2000).map(|k| Outputs { user: wave(k), ram: wave(k), ..Outputs::default() }).collect();
-        let hum = |k: usize| if k < 400 { 0.0 } else { 1e-5 * (0.3 * k as f64).sin() };
-        let described = |is_lost: fn(usize) -> bool| {
-            let lvdt = (0..2000).map(|k| if is_lost(k) { f64::NAN } else { wave(k) + hum(k) });
-            let channels = vec![
-                (Channel::Command, (0..2000).map(wave).collect()),
-                (Channel::UserPosition, lvdt.collect()),
-            ];
-            let record = Record::new("hum", 1e-3, 0.0, channels).unwrap();
-            describe(&prepare(&rig, &record), &outputs)
-        };
-        let (whole, gaps) = (described(|_| false), described(|k| k % 50 == 7));
-        for Description { follows, active, tone } in [whole, gaps] {
-            assert_eq!(follows, None);
-            assert!(active[0] >= 0.4 && (active[1] - active[0] - 0.8).abs() < 0.03, "{active:?}");
-            let (frequency, share) = tone.unwrap();
-            assert!((frequency - 0.3e3 / TAU).abs() < 1.0 && share > 0.4, "{tone:?}");
         }
     }
 

@@ -34,7 +34,7 @@ pub use noise::{
     differences, fourth_differences, noise_of, noise_of_series, noise_source, pooled, present, quantum,
     residual_series, rms,
 };
-pub use periodogram::periodograms;
+pub use periodogram::{periodograms, strongest_tone};
 pub use polish::{Polished, approach, foresee, misfit, misfit_within, polish};
 pub use prepare::{Prepared, Steps, prepare, prepare_with};
 pub use reading::{AsRead, Reading, fit_as_read, is_command_late, on_path, speaks_for};

@@ -30,6 +30,34 @@ pub fn periodograms(all: &[Vec<f64>], length: usize) -> Vec<Vec<f64>> {
     pieces
 }
 
+/// Frequency, Hz, with the most power of a series (NaN adds nothing), and its share of all of it. From one period along the
+/// series to half the sampling rate, in steps of half a period: one in between would be shared by two. None where there is
+/// nothing.
+pub fn strongest_tone(series: &[f64], sample_period: f64) -> Option<(f64, f64)> {
+    let count = series.len();
+    let present = || series.iter().filter(|value| value.is_finite());
+    let mean = present().sum::<f64>() / present().count().max(1) as f64;
+    let total: f64 = present().map(|value| value * value).sum();
+    // As much again of nothing: lines are half a period apart.
+    let mut input = vec![0.0; 2 * count];
+    for (slot, value) in input.iter_mut().zip(series).filter(|(_, value)| value.is_finite()) {
+        *slot = value - mean;
+    }
+    if total <= 0.0 {
+        return None;
+    }
+    let transform = RealFftPlanner::<f64>::new().plan_fft_forward(input.len());
+    let mut lines = transform.make_output_vec();
+    transform.process(&mut input, &mut lines).ok()?;
+    let share = |line: usize, power: f64| {
+        // At half the sampling rate there is no line of the negative frequency.
+        let sides = if line == count { 1.0 } else { 2.0 };
+        (line as f64 / (2.0 * count as f64 * sample_period), sides * power / (count as f64 * total))
+    };
+    let shares = lines.iter().enumerate().skip(2).map(|(line, value)| share(line, value.norm_sqr()));
+    shares.max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
 /// Sums of the products of series with themselves so many samples later as the index says; NaN adds nothing.
 pub(super) fn autocorrelations(all: &[Vec<f64>]) -> Vec<f64> {
     let longest = all.iter().map(Vec::len).max().unwrap_or(0);

@@ -8,6 +8,7 @@ use super::residual;
 use super::rows::{Row, Rows, Shape};
 use super::scale::{Axis, shown};
 use super::search::search;
+use crate::diagnose::description::Description;
 use crate::diagnose::{Diagnosis, Score, Verdict};
 use crate::fit::{self, Estimate, FitSettings, LoopScore, Prepared};
 use crate::output::effects_in_words;
@@ -218,12 +219,19 @@ fn found(case: &Diagnosed<'_>) -> Markup {
         }
         @if !notes.is_empty() { (remarks("Notes", &notes)) }
         @if let Some(left) = &diagnosis.left {
-            (remarks("What is left, and when", &left_words(left)))
+            (remarks(&left_title(case, left), &left_words(left)))
         }
     }
 }
 
-fn left_words(left: &crate::diagnose::residual::Description) -> Vec<String> {
+fn left_title(case: &Diagnosed<'_>, left: &Description) -> String {
+    match case.names.get(left.record).filter(|_| case.train.len() > 1) {
+        Some(name) => format!("What is left of {}, and when", name_of(name, FITTED)),
+        None => "What is left, and when".to_owned(),
+    }
+}
+
+fn left_words(left: &Description) -> Vec<String> {
     let [from, to] = left.active;
     let mut words = vec![format!("Half of its energy lies between {from:.3} and {to:.3} s.")];
     if let Some((name, correlation)) = left.follows {

@@ -5,7 +5,8 @@ use super::plot::{Layer, Plot, Role, heights};
 use super::records::{Compared, quantity_of};
 use super::rows::{Row, Rows, Shape};
 use super::scale::Axis;
-use super::statistics::{autocorrelation, cross_correlation, motion, present, spectrum};
+use super::statistics::{autocorrelation, cross_correlation, present, spectrum};
+use crate::diagnose::description::{Quantity, motion};
 use crate::diagnose::residual::MEASURED;
 use crate::fit::OF_95;
 use eha_monitor::channel::Channel;
@@ -23,7 +24,7 @@ struct Residuals<'a> {
     /// For each model a series for each record.
     all: Vec<Vec<Vec<f64>>>,
     /// Quantities of the motion, for each record.
-    motions: Vec<Vec<(&'static str, Vec<f64>)>>,
+    motions: Vec<Vec<Quantity>>,
     period: f64,
 }
 
@@ -52,8 +53,10 @@ fn tests_of(all: &[Compared<'_>], channel: usize, noise: f64) -> Markup {
     let series = |model: usize| -> Vec<Vec<f64>> {
         alike.iter().map(|one| one.residual(one.models[model].2, channel)).collect()
     };
-    let ram = |one: &Compared<'_>| -> Vec<f64> {
-        one.models.last().map_or(Vec::new(), |model| model.2.iter().map(|output| output.ram).collect())
+    let motion_of = |one: &&Compared<'_>| {
+        let outputs = one.models.last().map_or(&[][..], |model| model.2);
+        let ram: Vec<f64> = outputs.iter().map(|output| output.ram).collect();
+        motion(&ram, period, &one.residual(outputs, channel))
     };
     let name = match alike.as_slice() {
         [one] => one.name.clone(),
@@ -63,7 +66,7 @@ fn tests_of(all: &[Compared<'_>], channel: usize, noise: f64) -> Markup {
         of: format!("{name}, residual of the {}", quantity_of(Channel::MEASURED[channel])),
         models: &first.models,
         all: (0..first.models.len()).map(series).collect(),
-        motions: alike.iter().map(|one| motion(&ram(one), period)).collect(),
+        motions: alike.iter().map(motion_of).collect(),
         period,
     };
     html! {
@@ -125,7 +128,7 @@ impl Residuals<'_> {
     }
 
     fn velocity_lags(&self) -> Markup {
-        let velocities: Vec<Vec<f64>> = self.motions.iter().map(|motion| motion[2].1.clone()).collect();
+        let velocities: Vec<Vec<f64>> = self.motions.iter().map(|motion| motion[2].values.clone()).collect();
         let curve = |(all, role): (&[Vec<f64>], Role)| {
             let points = cross_correlation(all, &velocities, 2 * LAGS).into_iter();
             Layer::Curve(role, points.map(|[lag, value]| [lag * self.period * 1e3, value]).collect())
@@ -159,9 +162,10 @@ impl Residuals<'_> {
     }
 
     fn correlations(&self) -> Markup {
-        let names = self.motions.first().into_iter().flatten().map(|(name, _)| *name).enumerate();
+        let names = self.motions.first().into_iter().flatten().map(|quantity| quantity.name).enumerate();
         let rows = |(index, name): (usize, &str)| -> Vec<Row> {
-            let quantity: Vec<Vec<f64>> = self.motions.iter().map(|motion| motion[index].1.clone()).collect();
+            let quantity: Vec<Vec<f64>> =
+                self.motions.iter().map(|motion| motion[index].values.clone()).collect();
             let row = |(place, (all, role)): (usize, (&[Vec<f64>], Role))| {
                 let value = cross_correlation(all, &quantity, 0)[0][1];
                 Row {

@@ -84,31 +84,6 @@ pub(super) fn present(all: &[Vec<f64>]) -> usize {
     all.iter().flatten().filter(|value| value.is_finite()).count()
 }
 
-/// Quantities of a motion that a residual may follow: name and series. Means are taken off all but the first.
-pub(super) fn motion(ram: &[f64], sample_period: f64) -> Vec<(&'static str, Vec<f64>)> {
-    let last = ram.len().saturating_sub(1);
-    let slope = |series: &[f64]| -> Vec<f64> {
-        (0..series.len())
-            .map(|k| (series[(k + 1).min(last)] - series[k.saturating_sub(1)]) / (2.0 * sample_period))
-            .collect()
-    };
-    let velocity = slope(ram);
-    let acceleration = slope(&velocity);
-    let centred = |series: Vec<f64>| -> Vec<f64> {
-        let mean = series.iter().sum::<f64>() / series.len().max(1) as f64;
-        series.into_iter().map(|value| value - mean).collect()
-    };
-    vec![
-        ("a constant", vec![1.0; ram.len()]),
-        ("position", centred(ram.to_vec())),
-        ("velocity", centred(velocity.clone())),
-        ("speed", centred(velocity.iter().map(|v| v.abs()).collect())),
-        ("direction", centred(velocity.iter().map(|v| if *v == 0.0 { 0.0 } else { v.signum() }).collect())),
-        ("acceleration", centred(acceleration)),
-        ("time", centred((0..ram.len()).map(|k| k as f64).collect())),
-    ]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

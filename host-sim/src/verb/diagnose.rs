@@ -145,6 +145,11 @@ impl Job<'_> {
         self.train.iter().chain(&self.holdout)
     }
 
+    /// Name of a fitted record: its file, where it has one.
+    pub(super) fn fitted_name(&self, index: usize) -> &str {
+        self.names.get(index).map_or_else(|| self.train[index].name(), String::as_str)
+    }
+
     /// Diagnoses, and takes the command on the path that it is found to be on.
     pub(super) fn run(&mut self) -> Result<Answer, Failure> {
         let started = Instant::now();
@@ -184,7 +189,7 @@ impl Job<'_> {
             }
         }
         if let Some(left) = &mut diagnosis.left {
-            left.active = left.active.map(|since_start| self.train[0].start_time_s() + since_start);
+            left.active = left.active.map(|since_start| self.train[left.record].start_time_s() + since_start);
         }
         let loops = self.loop_scores(&diagnosis);
         let result = self.json(&diagnosis, &loops, effort_s, started.elapsed().as_secs_f64());
@@ -270,6 +275,7 @@ impl Job<'_> {
                 rows.collect::<serde_json::Map<_, _>>()
             }),
             "left": diagnosis.left.as_ref().map(|left| json!({
+                "record": self.fitted_name(left.record),
                 "follows": left.follows.map(|(name, correlation)| json!({ "quantity": name, "correlation": correlation })),
                 "active_s": left.active,
                 "tone": left.tone.map(|(frequency, share)| json!({ "frequency_Hz": frequency, "share": share })),

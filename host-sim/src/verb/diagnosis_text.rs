@@ -120,7 +120,11 @@ impl Job<'_> {
         }
         if let Some(left) = &diagnosis.left {
             let [from, to] = left.active;
-            let _ = write!(text, "what is left: half of its energy lies between {from:.3} and {to:.3} s");
+            let of = match self.train.len() {
+                1 => String::new(),
+                _ => format!(" of {}", name_of(self.fitted_name(left.record), FITTED)),
+            };
+            let _ = write!(text, "what is left{of}: half of its energy lies between {from:.3} and {to:.3} s");
             if let Some((name, correlation)) = left.follows {
                 let _ = write!(text, "; it follows {name} (correlation {correlation:.2})");
             }
