@@ -32,11 +32,16 @@ pub fn remarks<'a>(
         .collect()
 }
 
+/// Do records say anything of a parameter: is its interval more than its range told before?
+pub fn is_told(estimate: &Estimate, range: &Range) -> bool {
+    let width = range.upper - range.lower;
+    estimate.ci95[1] - estimate.ci95[0] < ALL * width && estimate.standard_error.is_finite()
+}
+
 fn remark(estimate: &Estimate, range: &Range, bounds: Bounds) -> Option<String> {
     let (info, width) = (range.parameter.info(), range.upper - range.lower);
     let name = info.name;
-    let is_told = estimate.ci95[1] - estimate.ci95[0] < ALL * width && estimate.standard_error.is_finite();
-    if !is_told {
+    if !is_told(estimate, range) {
         return Some(format!(
             "these records say nothing about {name}: its interval is all of its range, or nearly"
         ));

@@ -21,7 +21,7 @@ mod systematic;
 mod valley;
 mod visits;
 
-pub use bounds::{Bounds, remarks};
+pub use bounds::{Bounds, is_told, remarks};
 pub use calibrated::calibration_errors;
 pub use closed_loop::{LoopScore, force_error, loop_score};
 pub use colour::{as_white, colour_of};

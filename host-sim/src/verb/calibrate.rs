@@ -1,6 +1,6 @@
 //! `calibrate`: the free parameters of a rig from records.
 
-use super::{FitOptions, converged, fit_records, identify};
+use super::{FitOptions, converged, fit_records, identify, log_no_rig};
 use crate::cli::Common;
 use crate::failure::Failure;
 use crate::output;
@@ -36,17 +36,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         identify::print(common, &fitted)?;
     }
     saved?;
-    if let (Err(failure), Some(path)) = (converged(&fitted), output::out_path(common, RIG_FILE)) {
-        output::log(
-            common,
-            &format!(
-                "warning: {} is not written: a rig is the result of a search that has ended",
-                path.display()
-            ),
-        );
-        return Err(failure);
-    }
-    converged(&fitted)?;
+    converged(&fitted).inspect_err(|_| log_no_rig(common, RIG_FILE))?;
     output::save(common, RIG_FILE, || {
         let calibrated = fitted.fit.calibrated(&fitted.rig);
         let comments = [

@@ -340,20 +340,36 @@ impl Job<'_> {
         warnings
     }
 
+    /// The final model as a rig file. A fault of which the records say nothing stays what it was.
+    fn rig_text(&self, diagnosis: &Diagnosis) -> String {
+        let effects: Vec<&str> = diagnosis.rig.effects.iter().map(|effect| effect.name).collect();
+        let mut comments = vec![
+            format!("diagnosed on {} by host-sim {}", self.names.join(", "), env!("CARGO_PKG_VERSION")),
+            format!(
+                "verdict {}, added effects: {}",
+                diagnosis.verdict_in_words(),
+                if effects.is_empty() { "none".to_owned() } else { effects.join(", ") }
+            ),
+        ];
+        let mut rig = diagnosis.rig.clone();
+        for (fault, range) in diagnosis.faults.iter().zip(&self.rig.faults) {
+            if !fit::is_told(&fault.estimate, range) {
+                let parameter = range.parameter;
+                rig.parameters.set(parameter, self.rig.parameters.get(parameter));
+                comments
+                    .push(format!("{} as it was: the records say nothing about it", parameter.info().name));
+            }
+        }
+        rig::write(&rig, &comments)
+    }
+
     pub(super) fn save(&self, answer: &Answer, prediction: Option<&Path>) -> Result<(), Failure> {
         let Answer { diagnosis, loops, result } = answer;
-        output::save(self.common, RIG_FILE, || {
-            let effects: Vec<&str> = diagnosis.rig.effects.iter().map(|effect| effect.name).collect();
-            let comments = [
-                format!("diagnosed on {} by host-sim {}", self.names.join(", "), env!("CARGO_PKG_VERSION")),
-                format!(
-                    "verdict {}, added effects: {}",
-                    diagnosis.verdict_in_words(),
-                    if effects.is_empty() { "none".to_owned() } else { effects.join(", ") }
-                ),
-            ];
-            Ok(rig::write(&diagnosis.rig, &comments))
-        })?;
+        if diagnosis.early == Some(Early::Interrupted) {
+            super::log_no_rig(self.common, RIG_FILE);
+        } else {
+            output::save(self.common, RIG_FILE, || Ok(self.rig_text(diagnosis)))?;
+        }
         output::save_result(self.common, RESULT_FILE, result, || {
             report::diagnosis(&Diagnosed {
                 rig: &self.rig,

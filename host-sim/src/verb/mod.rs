@@ -365,6 +365,15 @@ fn save_trace(common: &Common, path: Option<&Path>, trace: impl FnOnce() -> Trac
     Ok(())
 }
 
+/// Says that the rig is not written, where there is a place for it.
+fn log_no_rig(common: &Common, file: &str) {
+    if let Some(path) = output::out_path(common, file) {
+        let path = path.display();
+        let line = format!("warning: {path} is not written: a rig is the result of a search that has ended");
+        output::log(common, &line);
+    }
+}
+
 /// A search that was interrupted or used up its budget has not converged: its result is printed, and the exit code says
 /// so.
 fn converged(fitted: &Fitted) -> Result<(), Failure> {

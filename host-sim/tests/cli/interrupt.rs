@@ -4,6 +4,7 @@ use super::harness::{Bench, named, number};
 use serde_json::Value;
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::process::{Child, Command, Stdio};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Exit code as the program's help states it.
@@ -23,15 +24,19 @@ fn interrupt(child: &Child, signal: &str) {
     assert!(sent.success(), "the program was still running");
 }
 
-/// Reads its log up to a line that has some words; the rest is read by nobody.
-fn wait_for(child: &mut Child, words: &str) {
+/// Reads its log up to a line that has some words; the rest of it is read meanwhile.
+fn wait_for(child: &mut Child, words: &str) -> JoinHandle<String> {
     let mut log = BufReader::new(child.stderr.take().expect("a pipe"));
     let mut line = String::new();
     while !line.contains(words) {
         line.clear();
         assert!(log.read_line(&mut line).expect("a line") > 0, "`{words}` is told");
     }
-    std::thread::spawn(move || std::io::copy(&mut log, &mut std::io::sink()));
+    std::thread::spawn(move || {
+        let mut rest = String::new();
+        log.read_to_string(&mut rest).expect("text");
+        rest
+    })
 }
 
 /// Waits until the program watches for both signals, which it does before its work.
@@ -143,11 +148,15 @@ fn a_diagnosis_rules_nothing_out_that_it_has_not_tried() {
     let bench = Bench::new();
     let mut child = start(&bench, &["demo", "--json", "--out", "demo"]);
     // The records are written first.
-    wait_for(&mut child, "mixed-step");
+    let log = wait_for(&mut child, "mixed-step");
     interrupt(&child, "-TERM");
     let result = result(child);
     assert!(result["warnings"].to_string().contains("not ruled out"), "{result}");
     assert_eq!(result["interrupted"], true, "{result}");
+    // The values of a search that has not ended are no rig.
+    let log = log.join().expect("the log");
+    assert!(log.contains("rig.toml is not written") && !bench.path("demo/rig.toml").exists(), "{log}");
+    assert!(bench.path("demo/diagnose.json").exists() && bench.path("demo/mixed-step.csv").exists());
     let so_far = bench.read("demo/report.html").contains("so far (interrupted)");
     assert_eq!(so_far, result["verdict"] == "unexplained", "{result}");
 }

@@ -199,3 +199,27 @@ fn a_record_is_written_as_its_name_ends() {
     };
     assert_eq!(rows("again.csv"), rows("record.csv"));
 }
+
+#[test]
+fn the_rig_of_a_diagnosis_has_no_value_of_what_the_records_say_nothing_about() {
+    let bench = Bench::new();
+    let options = ["--model", "lf", "--command", "sine", "--set", "fdj=800", "--channels", "lvdt_m"];
+    bench.simulate("noisy.csv", &[&options[..], &["--set", "bkl=2e-4", "--noise", "lvdt_m=1e-4"]].concat());
+    let range = |name: &str, lower: f64, upper: f64| {
+        format!("[[fault]]\nname = \"{name}\"\nlower = {lower:?}\nupper = {upper:?}\n")
+    };
+    // Noise of 0.1 mm leaves the friction open by some 10 N.
+    bench.write("narrow.toml", &[range("bkl", 0.0, 1.5e-3), range("fdj", 797.0, 803.0)].concat());
+    let written = |rig: &str| {
+        let arguments = ["diagnose", "noisy.csv", "--rig", rig, "--out", "found"];
+        let said = bench.run(&arguments).done().stdout;
+        let text = bench.read("found/rig.toml");
+        let has = |name: &str| text.lines().any(|line| line.starts_with(&format!("{name} = ")));
+        assert!(has("bkl"), "{text}");
+        let is_left_out = text.contains("# fdj as it was: the records say nothing about it");
+        assert_eq!(is_left_out, said.contains("these records say nothing about fdj"), "{said}");
+        assert_eq!(is_left_out, !has("fdj"), "{text}");
+        is_left_out
+    };
+    assert!(written("narrow.toml") && !written("eha"));
+}
