@@ -86,8 +86,7 @@ pub fn of_channels(
 
 /// How many samples of what a model leaves say the same thing: the longest correlation time of a channel, in samples.
 pub fn correlation_time(records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> f64 {
-    let time = |channel| fit::correlation_time(&whitened(records, predictions, channel));
-    (0..MEASURED).map(time).fold(1.0, f64::max)
+    fit::longest_correlation_time(|channel| whitened(records, predictions, channel))
 }
 
 /// Fall of chi-square from one model's predictions to another's, in each of some 64 blocks of the records.
@@ -268,6 +267,39 @@ mod tests {
         assert_eq!(left[19], None);
         // More parts than samples.
         assert_eq!(over_time(&record, &outputs[..2], 4).iter().flatten().count(), 2);
+    }
+
+    #[test]
+    fn a_fit_and_a_diagnosis_say_alike_how_often_what_is_left_repeats_itself() {
+        let rig = (BUILT_IN[0].make)();
+        let fitted = |drift: f64| {
+            let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(7);
+            let mut noise = |sigma: f64| Normal::new(0.0, sigma).unwrap().sample(&mut random);
+            let command: Vec<f64> = (0..500).map(|k| 1e-3 * (f64::from(k) * 0.02).sin()).collect();
+            let noises = [5e-6, f64::INFINITY, 0.02, f64::INFINITY];
+            let prepared = |position: &[f64], current: &[f64]| {
+                let channels = [Channel::Command, Channel::UserPosition, Channel::Current];
+                let values = [&command[..], position, current].map(<[f64]>::to_vec);
+                let channels = channels.into_iter().zip(values).collect();
+                fit::prepare_with(&rig, &Record::new("two", 1e-3, 0.0, channels).unwrap(), noises)
+            };
+            let outputs = fit::predict(&rig, &[prepared(&command, &command)]).concat();
+            // Twice the noise in the position, white; what is missing shows in the current.
+            let position: Vec<f64> = outputs.iter().map(|output| output.user + noise(1e-5)).collect();
+            let current: Vec<f64> = (0..500)
+                .map(|k| outputs[k].current + noise(0.02) + drift * (k as f64 * 0.01).sin())
+                .collect();
+            let records = [prepared(&position, &current)];
+            let settings = fit::FitSettings { budget: 60, ..fit::FitSettings::default() };
+            let fit = fit::fit(&rig, &rig.faults, &records, &settings, |_| {});
+            let scale = fit.misfit.mean_square().max(1.0);
+            let both = correlation_time(&records, &fit.predictions);
+            assert!((fit.inflation / scale / both - 1.0).abs() < 1e-12, "{} {both}", fit.inflation / scale);
+            (both, fit::correlation_time(&series(&records, &fit.predictions, 0)))
+        };
+        let (both, of_position) = fitted(0.1);
+        assert!(both > 30.0 && of_position < 3.0, "{both} {of_position}");
+        assert!(fitted(0.0).0 < 3.0);
     }
 
     #[test]

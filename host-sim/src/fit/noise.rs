@@ -273,6 +273,12 @@ pub fn correlation_time(all: &[Vec<f64>]) -> f64 {
     time
 }
 
+/// How many samples of what a model leaves say the same thing: the longest correlation time of a measured channel, whose
+/// residuals are given by its place.
+pub fn longest_correlation_time(residuals: impl Fn(usize) -> Vec<Vec<f64>>) -> f64 {
+    (0..MEASURED).map(|channel| correlation_time(&residuals(channel))).fold(1.0, f64::max)
+}
+
 /// Sums of the products of series with themselves some samples later. The first ones are summed; all of those that
 /// follow come out of one transform, because what drifts is correlated over its whole length.
 #[derive(Debug)]

@@ -4,7 +4,7 @@ use super::engine::{self, FIT_TOLERANCE, Job, on_records};
 use super::estimate::{estimates, in_units};
 use super::visits::{InAll, generations, note_visits};
 use super::{BETTER_VALLEY, Fit, MAX_FREE, MAX_POPULATION, Prepared, Visit};
-use super::{correlation_time, noise, polish, pooled, residual_series, systematic};
+use super::{longest_correlation_time, noise, polish, pooled, residual_series, systematic};
 use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::fit::identify::{self, Identification, Progress, StopReason};
@@ -22,7 +22,7 @@ pub struct FitSettings {
     pub seed: u64,
     /// Members of the population.
     pub population: usize,
-    /// Most evaluations of the model.
+    /// Most evaluations of the model in one search; a finish that has begun is completed.
     pub budget: u32,
 }
 
@@ -192,7 +192,8 @@ fn search<S: Stepper<f64>>(
     let (inflation, systematic) = if stop == StopReason::NoiseReached {
         (1.0, systematic::of_genes(problem, &genes, &covariance, steppers))
     } else {
-        let repeats = correlation_time(&residual_series(problem.records, &predictions, 0));
+        let left = |channel| residual_series(problem.records, &predictions, channel);
+        let repeats = longest_correlation_time(left);
         (misfit.mean_square().max(1.0) * repeats, [0.0; MAX_FREE])
     };
     let covariance = in_units(problem, &covariance, inflation);
