@@ -26,7 +26,7 @@ pub use calibrated::calibration_errors;
 pub use closed_loop::{LoopScore, force_error, loop_score};
 pub use colour::{as_white, colour_of};
 pub use correlation::Correlation;
-pub use effort::spent_s;
+pub use effort::{share_account, spent_s};
 pub use estimate::{Estimate, OF_95};
 pub use limits::{CLIPPED, at_ends, extent, share_at_ends};
 pub use noise::{

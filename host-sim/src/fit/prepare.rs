@@ -69,7 +69,7 @@ pub struct Prepared {
     pub lost: [f64; MEASURED],
     /// The steps in which the sensor of each measured channel is read; none where they are finer than a model's own error.
     pub steps: [Option<Steps>; MEASURED],
-    /// What was spent on it.
+    /// The account of what is spent on it.
     pub(super) effort: Effort,
 }
 

@@ -52,8 +52,10 @@ pub struct Options {
 fn effort_help() -> String {
     let [least, most] = EFFORT_BOUNDS_S;
     format!(
-        "Most work of the search, about so many seconds of one core: counted in steps of the simulation, so that a result \
-         repeats on any machine. What was found by then is the result; the exit code is then 4 if this option is given. \
+        "Work of the search, about so many seconds of one core, after which nothing more is begun: counted in steps of the \
+         simulation, so that a result repeats on any machine. What is begun is ended, the fit of the declared faults at \
+         least, so it may take some seconds more. What was found by then is the result; the exit code is then 4 if this \
+         option is given. \
          [default: {EFFORT_PER_SECOND} for each second of the fitted records, {least} to {most}]"
     )
 }
@@ -153,7 +155,9 @@ impl Job<'_> {
     /// Diagnoses, and takes the command on the path that it is found to be on.
     pub(super) fn run(&mut self) -> Result<Answer, Failure> {
         let started = Instant::now();
-        let records: Vec<Prepared> = self.records().map(|record| fit::prepare(&self.rig, record)).collect();
+        let mut records: Vec<Prepared> =
+            self.records().map(|record| fit::prepare(&self.rig, record)).collect();
+        fit::share_account(&mut records);
         if self.rig.faults.is_empty() && self.rig.free.is_empty() {
             return Err(Failure::usage(
                 "the rig declares no fault and no free parameter: there is nothing to fit",

@@ -205,7 +205,8 @@ pub struct FitOptions {
     #[arg(long, default_value_t = FitSettings::default().population,
           value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(4..=fit::MAX_POPULATION as u64))]
     population: usize,
-    /// Most evaluations of the model.
+    /// Most evaluations of the model in one search; what is begun is ended. Records that are not explained are searched in
+    /// each reading that the rig leaves open, and then from more seeds, each with this budget.
     #[arg(long, default_value_t = FitSettings::default().budget, value_parser = clap::value_parser!(u32).range(20..))]
     budget: u32,
     /// Where to write what was measured, predicted and left, sample by sample (CSV, or Parquet if it ends so);
@@ -382,7 +383,7 @@ fn converged(fitted: &Fitted) -> Result<(), Failure> {
     }
     if fitted.fit.stop == StopReason::Budget {
         return Err(Failure::convergence(format!(
-            "no convergence within the budget of {} evaluations ({} made, as what is begun is ended); allow more with \
+            "no convergence within the budget of {} evaluations for each search ({} made in all); allow more with \
              --budget, or narrow the --bounds",
             fitted.budget, fitted.fit.evaluations
         )));
