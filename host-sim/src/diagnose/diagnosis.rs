@@ -38,8 +38,8 @@ pub struct Found {
     pub class: Vec<&'static EffectInfo>,
     /// Twice the logarithm of the odds against the model without it.
     pub evidence: f64,
-    /// Does it, with those before it, explain the better part of the misfit, or do fitted and held-out records, each for
-    /// itself, give it the same size? If not it is a help for prediction, not a name for what is there.
+    /// Is it a name for what is there? All effects of a model are, or none: where it leaves noise, or takes away 99 % of what
+    /// the fitted records have beyond it. If not, it is a help for prediction.
     pub named: bool,
     /// Its parameters, as the last fit has them.
     pub estimates: Vec<Estimate>,

@@ -168,8 +168,8 @@ impl Hypothesis {
         other.joint.misfit.chi_square - self.joint.misfit.chi_square > TOLD_APART * other.scale()
     }
 
-    /// What an effect must gain to be believed: the logarithm of the number of samples for each of its parameters, and
-    /// the odds of having tried the whole catalogue.
+    /// What an effect must gain to be believed, in units of `scale`, the mean square that is left: for each of its parameters
+    /// the logarithm of the number of samples over that scale, and the odds of having tried the whole catalogue.
     pub(super) fn price(&self, effect: &EffectInfo, scale: f64) -> f64 {
         let of_parameter = (f64::from(self.joint.misfit.count) / scale).ln().max(1.0);
         effect.parameters.len() as f64 * of_parameter + 2.0 * (EFFECTS.len() as f64).ln()

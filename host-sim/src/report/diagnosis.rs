@@ -140,7 +140,7 @@ fn summary(diagnosis: &Diagnosis) -> String {
             format!("The model lacks something that no effect of the catalogue explains.{terms}")
         }
         Verdict::Unexplained => {
-            format!("{} explains the better part of the misfit; something is left.", found.join(" and "))
+            format!("With {}, at least 99 % of the misfit beyond noise is gone; something is left.", found.join(" and "))
         }
     }
 }
