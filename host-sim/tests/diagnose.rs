@@ -745,6 +745,9 @@ fn what_is_not_in_the_catalogue_is_not_given_a_name() {
     assert_eq!(result["verdict"], "unexplained", "{result:#}");
     assert!(class(&result).is_empty(), "{:?}", class(&result));
     assert!(result["left"]["active_s"].is_array());
+    // Held-out records that chose terms are said to have done so.
+    let has_terms = result["empirical_terms"].as_array().is_some_and(|terms| !terms.is_empty());
+    assert_eq!(result["warnings"].to_string().contains("chose these terms"), has_terms, "{result:#}");
 }
 
 /// The position alone leaves the friction open; what is held out shows it. The current does as well.

@@ -113,6 +113,14 @@ fn check_effort(allowed_s: Option<f64>, early: Option<Early>) -> Result<(), Fail
     Ok(())
 }
 
+/// What is said where held-out records chose what was added, which is then no name: an error on records that a model was chosen
+/// by is too small.
+fn chosen_by_held_out(is_any: bool, are_named: impl IntoIterator<Item = bool>) -> Option<&'static str> {
+    let has_terms = are_named.into_iter().any(|is_named| !is_named);
+    (is_any && has_terms)
+        .then_some("the held-out records chose these terms: their error is no estimate for others")
+}
+
 /// A diagnosis of records that were read.
 pub(super) struct Job<'a> {
     pub(super) common: &'a Common,
@@ -305,6 +313,8 @@ impl Job<'_> {
         if diagnosis.holdout.is_none() && !diagnosis.found.is_empty() {
             warnings.push("no held-out record: what was found is not validated".to_owned());
         }
+        let are_named = diagnosis.found.iter().map(|found| found.named);
+        warnings.extend(chosen_by_held_out(diagnosis.holdout.is_some(), are_named).map(str::to_owned));
         if diagnosis.is_open {
             warnings.push(
                 "the fitted records leave so much open that the held-out ones are predicted worse than their noise; \
@@ -441,7 +451,7 @@ fn next_experiment(job: &Job<'_>, diagnosis: &Diagnosis) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{Early, check_effort};
+    use super::{Early, check_effort, chosen_by_held_out};
     use crate::failure::FailureKind;
 
     #[test]
@@ -451,5 +461,16 @@ mod tests {
         assert_eq!(kind(None, Some(Early::OutOfEffort)), None);
         assert_eq!(kind(Some(1.0), Some(Early::Interrupted)), None);
         assert_eq!(kind(Some(1.0), None), None);
+    }
+
+    #[test]
+    fn the_error_of_records_that_chose_terms_is_said_to_be_no_estimate() {
+        assert!(
+            chosen_by_held_out(true, [false]).is_some() && chosen_by_held_out(true, [true, false]).is_some()
+        );
+        // Names are kept by what all records say, and where nothing is held out nothing is claimed.
+        assert_eq!(chosen_by_held_out(true, [true]), None);
+        assert_eq!(chosen_by_held_out(true, []), None);
+        assert_eq!(chosen_by_held_out(false, [false]), None);
     }
 }
