@@ -2,10 +2,12 @@
 //!
 //! ```text
 //! cli.rs --> verb/*.rs, one file a verb
-//!              |-- record/   CSV and MAT in, CSV out          |-- emulator/ firmware under QEMU
-//!              |-- rig/      what is known of the actuator    |-- output.rs results to stdout, log to stderr
-//!              |-- inspect/  what a record is worth             |-- report/  HTML with plots, trace.rs samples
-//!              |-- fit/      records + rig --> core search --> estimates, residuals
+//!              |-- record/   CSV, MAT and Parquet in          |-- plant.rs  the actuator as a source of records
+//!              |-- rig/      what is known of the actuator    |-- hil/      samples to the firmware's monitor
+//!              |-- inspect/  what a record is worth           |-- emulator/ firmware under QEMU, budget/ its limits
+//!              |-- fit/      records + rig --> core search    |-- output.rs results to stdout, log to stderr
+//!              |             --> estimates, residuals         |-- report/   HTML with plots
+//!              |-- diagnose/ residual --> missing effects     |-- trace.rs, table_file.rs samples as CSV and Parquet
 //! ```
 
 pub mod budget;
