@@ -46,8 +46,8 @@ pub struct Case<'a> {
     pub(super) timed: Option<&'a Timed>,
     /// An explanation of the records that is known already, where one is: models that cost more are not grown.
     pub(super) rival: Option<Rival>,
-    /// Is it searched far where nothing else explains the records: in the first moments beside other effects, and from afar?
-    /// Once, in the likeliest reading.
+    /// Whether the two most expensive searches are made where nothing else explains the records: in the first moments beside
+    /// other effects, and over the whole ranges. They are made in the likeliest reading only.
     pub(super) searches_far: bool,
     /// Most that is spent on the search, s of one core as [`fit::spent_s`] counts them: what is begun then is ended.
     pub effort_s: f64,
@@ -93,7 +93,7 @@ impl<'a> Case<'a> {
         Case { progress: self.progress.part(range, reading), ..*self }
     }
 
-    /// The same as another reading of records for which nothing is found in the likeliest.
+    /// The same case for a reading that is tried after the likeliest one: without the most expensive searches.
     pub(super) fn another(self) -> Self {
         Case { searches_far: false, ..self }
     }

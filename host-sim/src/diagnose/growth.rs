@@ -17,7 +17,7 @@ use std::iter;
 
 /// Fall of chi-square that the linear model must foresee for an effect to be fitted: far below what is accepted.
 const PROMISING: f64 = 4.0;
-/// Part of a fall of chi-square that is wanted which the linear model must foresee.
+/// The linear model must predict at least this part of the wanted fall of chi-square.
 const FORESEEN: f64 = 0.1;
 /// Part of its price that the linear model must foresee for an effect to be fitted beside others that leave noise.
 const HIDDEN: f64 = 0.5;

@@ -293,8 +293,8 @@ impl Hypothesis {
         self.leaves_noise(case) || excess(&self.rig) < (1.0 - NAMING_SHARE) * excess(without)
     }
 
-    /// The same where a fit of all records shows a better valley of them. It is that of the fitted ones too where they do
-    /// not tell it from their own.
+    /// Moves the model to the valley of a fit to all records, if that valley is the better one for all of them. The fitted
+    /// records follow unless they clearly prefer their own valley.
     pub(super) fn or_in_valley_of_all(self, case: &Case<'_>, all: &Fit) -> Self {
         if all.misfit.chi_square > self.joint.misfit.chi_square - BETTER_VALLEY {
             return self;

@@ -191,9 +191,10 @@ impl Jumps {
             .collect()
     }
 
-    /// Times the jumps of the records of a case together with a model, from the best of some places: those at which all are
-    /// as late, each with its own fit, and those that suit the best of these, or a fit to what is not the answer to a jump.
-    /// `fitted` makes that one, and `moved` one at other times from it.
+    /// Fits the times of a case's jumps together with a model. Three kinds of starting points are compared, and the best is
+    /// followed: all jumps equally late, at several places and with a fit at each; the times that suit the best of those
+    /// fits; and the times that suit a fit to the samples outside the answers to jumps. `fitted` makes that last fit, and
+    /// `moved` adapts it to other times.
     pub(super) fn timed(
         &self,
         case: &Case<'_>,

@@ -68,7 +68,7 @@ fn whitening(index: usize, colour: f64) -> f64 {
     1.0 + colour * (colour - 2.0 * angle.cos())
 }
 
-/// How much stronger white noise is that weighs as much on what changes slowly as noise of a colour does.
+/// The factor by which white noise must be stronger than noise of this colour to disturb slow changes equally.
 pub fn as_white(colour: f64) -> f64 {
     ((1.0 + colour) / (1.0 - colour)).sqrt()
 }

@@ -190,8 +190,9 @@ impl Prepared {
         self
     }
 
-    /// The same record, knowing what the steps do in which a sensor is read: where its noise does not hide them it errs by
-    /// the same as long as it rests, by up to the first harmonic of the saw tooth, as far as that is left by the noise.
+    /// The same record with the error that each sensor's steps cause. While the motion rests, a sensor that is read in steps
+    /// repeats one and the same rounding error, unless noise of its own spreads the readings over several steps. That error
+    /// is taken to be the first harmonic of the rounding saw tooth, reduced by the noise.
     fn with_steps_of_sensors(mut self) -> Self {
         for channel in 0..MEASURED {
             let step = quantum(&present(&self.measured[channel]));
