@@ -91,16 +91,20 @@ pub fn parse_csv(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Load
     let mut cells = Cells::new(rows.separator);
     let mut notes = Vec::new();
     let mut first = rows.next().transpose()?;
-    if let Some((line, row)) = first.take_if(|(_, row)| unit_row::is_one(&columns, row)) {
+    let units = first.take_if(|(_, row)| unit_row::is_one(&columns, row));
+    if units.is_some() {
+        first = rows.next().transpose()?;
+    }
+    // Before its unit is looked at: what is not used may have any.
+    if let (Some((_, row)), Some(_)) = (&first, options.sample_rate_hz) {
+        notes.extend(leave_out_clock(&mut columns, &names, row));
+    }
+    if let Some((line, row)) = units {
         let units = unit_row::apply(&mut columns, &names, &row);
         let units = units.map_err(|(column, problem)| failed(line, column, problem))?;
         if !units.is_empty() {
             notes.push(format!("units of line {line}: {}", units.join(", ")));
         }
-        first = rows.next().transpose()?;
-    }
-    if let (Some((_, row)), Some(_)) = (&first, options.sample_rate_hz) {
-        notes.extend(leave_out_clock(&mut columns, &names, row));
     }
 
     let mut values: Vec<Vec<f64>> = vec![Vec::new(); columns.len()];

@@ -49,6 +49,16 @@ pub fn unit(symbol: &str) -> Option<&'static Unit> {
     UNITS.iter().find(|unit| unit.symbol == plain)
 }
 
+/// The unit of those words, in one of its spellings: `Millimeter`, `metres`, `sec`.
+pub(super) fn unit_in_words(words: &str) -> Option<&'static Unit> {
+    let plain = |text: &str| text.to_lowercase().replace("meter", "metre").trim_end_matches('s').to_owned();
+    let words = match plain(words).as_str() {
+        "sec" => "second".to_owned(),
+        other => other.to_owned(),
+    };
+    UNITS.iter().find(|unit| plain(unit.name) == words)
+}
+
 /// The units that convert to that of `info`.
 pub fn units_of(info: &ChannelInfo) -> impl Iterator<Item = &'static Unit> {
     UNITS.iter().filter(|unit| unit.base == info.unit)
@@ -79,6 +89,25 @@ mod tests {
     fn micro_has_three_spellings() {
         for symbol in ["um", "µm", "μm"] {
             assert_eq!(unit(symbol).map(|unit| unit.factor), Some(1e-6));
+        }
+    }
+
+    #[test]
+    fn words_have_spellings() {
+        let symbol = |words| unit_in_words(words).map(|unit| unit.symbol);
+        for (words, expected) in [
+            ("Millimeter", "mm"),
+            ("metres", "m"),
+            ("Inches", "in"),
+            ("sec", "s"),
+            ("milliseconds", "ms"),
+            ("Newton", "N"),
+            ("pounds per square inch", "psi"),
+        ] {
+            assert_eq!(symbol(words), Some(expected), "{words}");
+        }
+        for none in ["", "mm", "furlong", "V", "counts", "%", "m/s"] {
+            assert_eq!(symbol(none), None, "{none}");
         }
     }
 }

@@ -135,7 +135,13 @@ fn a_row_of_units_counts_where_nothing_else_says_a_unit() {
     assert!(is_motion(&record) && warnings.is_empty(), "{warnings:?}");
     let wrong = |row: &str| message(&units(row), &names, None);
     let place = "run.csv:2: column `pos` (3): found the unit";
-    assert_eq!(wrong("ms;mm;bar"), format!("{place} `bar`, expected one of m, in, cm, mm, um"));
+    assert_eq!(
+        wrong("ms;mm;bar"),
+        format!(
+            "{place} `bar`, expected one of m, in, cm, mm, um; say which, as in `--columns 'lvdt_m=pos[m]'`, or give the \
+             scale in m per unit, as in `--columns 'lvdt_m=pos*1.5e-5'`"
+        )
+    );
     assert!(wrong("ms;mm;furlong").starts_with(&format!("{place} `furlong`, expected one of m")));
     // Names of channels say their unit.
     let plain_units = |row: &str| text(&format!("{HEADER}\n{row}"), plain);
@@ -145,6 +151,34 @@ fn a_row_of_units_counts_where_nothing_else_says_a_unit() {
         "run.csv:2: column `lvdt_m` (3): found the unit `mm`, expected m as the name says; if it is that unit, \
          `--columns 'lvdt_m=lvdt_m[mm]'`"
     );
+    // What no unit of the channel is is refused there too, whatever it measures.
+    for unit in ["V", "mV", "counts", "furlong", "%", "m/s", "bar", "[V]"] {
+        assert_eq!(
+            message(&plain_units(&format!("s;m;{unit}")), &[], None),
+            format!(
+                "run.csv:2: column `lvdt_m` (3): found the unit `{unit}`, expected m as the name says; if it is m, \
+                 `--columns 'lvdt_m=lvdt_m[m]'`; else give the scale in m per unit, as in \
+                 `--columns 'lvdt_m=lvdt_m*1.5e-5'`"
+            )
+        );
+        let stated = parse(&plain_units(&format!("s;m;{unit}")), &["lvdt_m=lvdt_m[m]"], None).expect(unit);
+        assert!(is_motion(&stated.record), "{unit}");
+    }
+    for (unit, symbol) in [("Millimeter", "mm"), ("inches", "in")] {
+        let found = message(&plain_units(&format!("s;m;{unit}")), &[], None);
+        assert!(found.ends_with(&format!("`--columns 'lvdt_m=lvdt_m[{symbol}]'`")), "{found}");
+    }
+    // No unit, and the channel's own in its spellings.
+    for row in ["s;m;", "s;m;-", "s;m;[-]", "sec;metres;Meter", "Seconds;[m];(m)"] {
+        assert!(is_motion(&parse(&plain_units(row), &[], None).expect(row).record), "{row}");
+    }
+    // A clock that is not used has any.
+    let clock = text(&format!("{HEADER}\nhh:mm:ss;m;m"), |row| {
+        let [_, command, position] = plain(row);
+        [format!("12:00:00.{row:03}"), command, position]
+    });
+    assert!(is_motion(&parse(&clock, &[], Some(1000.0)).expect("valid").record));
+    assert!(message(&clock, &[], None).contains("column `t_s` (1): found the unit `hh:mm:ss`, expected s"));
     // Words that are no units are no numbers either.
     assert!(message(&plain_units("Zeit;Soll;Ist"), &[], None).contains("found `Zeit`, expected a number"));
 }
