@@ -29,6 +29,12 @@ const COUNTS_FROM: f64 = 50.0;
 /// Largest ratio of a position's travel to that of the command.
 const MOST_TRAVEL: f64 = 100.0;
 
+/// Travel of a position that is held, m: its noise, and what the loop creeps.
+const AT_REST: f64 = 1e-4;
+
+/// Share of the samples that are left out at either end, so that no spike counts as travel.
+const SPIKES: f64 = 0.01;
+
 /// Sampling periods of loggers, s: with others, the unit of the time is doubted.
 const PERIODS: RangeInclusive<f64> = 1e-5..=0.1;
 
@@ -168,6 +174,17 @@ pub(super) fn travel(all: &[Series]) -> Option<(&Series, Suspicion)> {
         })
 }
 
+/// The command, and how far the position goes, m, where one stands still and the other does not: not where a driving force
+/// replaces the valve, nor where a load moves the jack.
+pub(super) fn still_command(all: &[Series]) -> Option<(&Series, f64)> {
+    let find = |channel| all.iter().find(|series| series.channel == channel);
+    let moves = |channel| find(channel).is_some_and(|series| peak_to_peak(&series.values) > 0.0);
+    let command = find(Channel::Command).filter(|series| peak_to_peak(&series.values) == 0.0)?;
+    let travel = travel_of_most(&find(Channel::UserPosition)?.values);
+    let is_moved = find(Channel::Drive).is_some() || moves(Channel::Load);
+    (travel > AT_REST && !is_moved).then_some((command, travel))
+}
+
 /// What is suspected of a time whose samples are `period`, s, apart, if that breaks rule 3.
 pub(super) fn period(period: f64, time: &Series) -> Option<Suspicion> {
     let looks_like = unit_of_step(period, time.factor);
@@ -209,6 +226,14 @@ fn peak_to_peak(values: &[f64]) -> f64 {
         .filter(|value| !value.is_nan())
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)));
     (high - low).max(0.0)
+}
+
+/// Travel of a position but for its spikes.
+fn travel_of_most(values: &[f64]) -> f64 {
+    let mut sorted: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let cut = (sorted.len() as f64 * SPIKES) as usize;
+    peak_to_peak(sorted.get(cut..sorted.len() - cut).unwrap_or_default())
 }
 
 #[cfg(test)]
@@ -271,5 +296,27 @@ mod tests {
             travel(&[series(Channel::Command, &[0.0, 0.0]), position]).is_none(),
             "no command to compare"
         );
+    }
+
+    #[test]
+    fn a_command_that_stands_still_is_found_beside_a_position_that_moves() {
+        let still = series(Channel::Command, &[1e-3; 200]);
+        let moving: Vec<f64> = (0..200).map(|k| 1e-2 * (f64::from(k) * 0.1).sin()).collect();
+        let position = series(Channel::UserPosition, &moving);
+        let travel = |all: &[Series]| still_command(all).map(|(_, travel)| travel);
+        let found = travel(&[still.clone(), position.clone()]).expect("found");
+        assert!((found / 2e-2 - 1.0).abs() < 0.01, "{found}");
+        // The controls: a command that moves, a force or a load that does, a position that is held but for a spike.
+        let with = |channel| series(channel, &[&moving[..199], &[1.0]].concat());
+        assert_eq!(travel(&[with(Channel::Command), position.clone()]), None);
+        for channel in [Channel::Drive, Channel::Load] {
+            assert_eq!(travel(&[still.clone(), position.clone(), with(channel)]), None, "{channel:?}");
+        }
+        let constant_load = series(Channel::Load, &[100.0; 200]);
+        assert!(travel(&[still.clone(), position, constant_load]).is_some());
+        let mut held = vec![1e-3; 200];
+        held[7] = 2e-2;
+        held[9] = 1.05e-3;
+        assert_eq!(travel(&[still, series(Channel::UserPosition, &held)]), None);
     }
 }

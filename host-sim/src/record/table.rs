@@ -6,7 +6,7 @@ use super::error::{Field, Problem, RecordError};
 use super::mapping::UnitFrom;
 use super::time_base::{Grid, Resolution, on_grid, uniform};
 use super::{Loaded, MIN_SAMPLES, ReadOptions, Record, plausible};
-use crate::output::plain;
+use crate::output::{plain, quantity};
 
 /// The values of one channel, in its unit, and where they came from. NaN is a missing sample.
 #[derive(Clone, Debug)]
@@ -96,6 +96,7 @@ impl Table {
             );
         }
         self.report_missing();
+        self.report_still_command();
         let Self { file, series, warnings, .. } = self;
         Ok(Loaded { record: Record::of_checked(file, period, start, series), warnings })
     }
@@ -270,6 +271,18 @@ impl Table {
                 let samples = series.values.len();
                 self.warn(&format!("{}: {blank} of {samples} samples are missing", series.field));
             }
+        }
+    }
+
+    /// A command that is held while a load or a neighbour moves the actuator is one, and so is one that stepped before the
+    /// record begins: it is no error.
+    fn report_still_command(&mut self) {
+        if let Some((command, travel)) = plausible::still_command(&self.series) {
+            let travel = quantity(travel, Channel::UserPosition.info().unit);
+            self.warn(&format!(
+                "{} never changes, and the position moves by {travel}: is it the right column?",
+                command.field
+            ));
         }
     }
 

@@ -184,6 +184,20 @@ fn a_row_of_units_counts_where_nothing_else_says_a_unit() {
 }
 
 #[test]
+fn a_command_that_never_changes_is_asked_about() {
+    let still = text(HEADER, |row| {
+        let [time, _, position] = plain(row);
+        [time, "0.001".to_owned(), position]
+    });
+    let Loaded { warnings, .. } = parse(&still, &[], None).expect("a warning only");
+    let expected = "run.csv: column `command_m` (2) never changes, and the position moves by ";
+    assert!(warnings.len() == 1 && warnings[0].starts_with(expected), "{warnings:?}");
+    assert!(warnings[0].ends_with("is it the right column?"), "{warnings:?}");
+    // The control: one that moves.
+    assert!(parse(&text(HEADER, plain), &[], None).expect("valid").warnings.is_empty());
+}
+
+#[test]
 fn a_rate_does_without_a_clock() {
     let clock = text(HEADER, |row| {
         let [_, command, position] = plain(row);
