@@ -358,12 +358,17 @@ fn a_period_that_no_logger_has_is_taken_where_its_unit_is_stated() {
         "run.csv: column `t_s` (1): found a sampling period of 0.000001 s, expected 0.00001 to 0.1 s; if it is so, say it \
          with `--columns 't_s=t_s[s]'`"
     );
-    // A rate states the period, where there is no time or where stamps jitter.
+    // So it is with a rate, where there is no time or where stamps jitter.
     let timeless = milliseconds.replacen("t_s", "n", 1);
-    let (period, _) = read(&timeless, &[], Some(1.0)).expect("a rate");
-    assert_eq!(period, 1.0);
+    let found = read(&timeless, &[], Some(1.0)).expect_err("no logger's").to_string();
+    assert_eq!(
+        found,
+        "run.csv: found a sampling period of 1 s, expected 0.00001 to 0.1 s: a rate of 10 to 100000 Hz"
+    );
     let jitter = stamps(HEADER, |row| format!("{:.3}", row as f64 + 0.1 * (row % 2) as f64));
-    assert_eq!(read(&jitter, &[], Some(1.0)).expect("a grid").0, 1.0);
+    assert!(read(&jitter, &[], Some(1.0)).is_err());
+    let stated = |text: &str| read(text, &["t_s=t_s[s]"], Some(1.0)).expect("a grid").0;
+    assert_eq!(stated(&jitter), 1.0);
 }
 
 #[test]

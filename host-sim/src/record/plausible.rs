@@ -9,7 +9,8 @@
 //! 2. A measured position moves at most 100 times as far as the command asks (peak to peak). This finds a small
 //!    motion in millimetres beside a command in metres. It needs a command that moves, and is left out
 //!    where a driving force replaces the valve.
-//! 3. Where only a name says that a time is in seconds, or nothing, the sampling period is one of a logger.
+//! 3. Where only a name says that a time is in seconds, or nothing, or where there is none but a rate, the sampling period is
+//!    one of a logger.
 
 use std::fmt;
 use std::ops::RangeInclusive;
@@ -101,7 +102,16 @@ impl fmt::Display for Suspicion {
                 PERIODS.end()
             )?,
         }
-        let Some(source) = source else { return Ok(()) };
+        let Some(source) = source else {
+            // Of a time that no file has: a rate was given.
+            return match self.found {
+                Excess::Period(_) => {
+                    let [lowest, highest] = [PERIODS.end(), PERIODS.start()].map(|period| period.recip().round());
+                    write!(f, ": a rate of {lowest} to {highest} Hz")
+                }
+                _ => Ok(()),
+            };
+        };
         match looks_like {
             Some(Unit { name, symbol, .. }) => {
                 write!(

@@ -73,11 +73,10 @@ impl Table {
         }
         self.check_length(time.values.len())?;
         self.check_magnitude(&time)?;
-        let mut is_in_seconds = !has_time || matches!(time.unit, UnitFrom::Mapping | UnitFrom::Row);
+        let is_in_seconds = has_time && matches!(time.unit, UnitFrom::Mapping | UnitFrom::Row);
         let clock = match (uniform(&time.values, self.resolution), options.sample_rate_hz) {
             (Err(_), Some(rate)) => on_grid(&time.values, rate).map(|grid| {
                 self.spread(&grid, &time.field, rate);
-                is_in_seconds = true;
                 (grid.start, rate.recip())
             }),
             (clock, rate) => {
@@ -91,9 +90,8 @@ impl Table {
         self.drop_dead();
         self.check_values()?;
         if let Some(suspicion) = plausible::period(period, &time).filter(|_| !is_in_seconds) {
-            return Err(
-                RecordError::new(&self.file, Problem::Implausible(suspicion)).in_field(time.field.clone())
-            );
+            let error = RecordError::new(&self.file, Problem::Implausible(suspicion));
+            return Err(if has_time { error.in_field(time.field.clone()) } else { error });
         }
         self.report_missing();
         self.report_still_command();

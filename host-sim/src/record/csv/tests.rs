@@ -216,6 +216,35 @@ fn a_rate_does_without_a_clock() {
 }
 
 #[test]
+fn a_rate_is_one_of_a_logger_as_a_time_is() {
+    let timeless = text("command_m;lvdt_m;note", |row| {
+        let [_, command, position] = plain(row);
+        [command, position, "-".to_owned()]
+    });
+    for (rate, period) in [(1.0, "1"), (5.0, "0.2"), (1e6, "0.000001")] {
+        assert_eq!(
+            message(&timeless, &[], Some(rate)),
+            format!(
+                "run.csv: found a sampling period of {period} s, expected 0.00001 to 0.1 s: a rate of 10 to 100000 Hz"
+            )
+        );
+    }
+    for rate in [10.0, 1000.0, 1e5] {
+        let Loaded { record, .. } = parse(&timeless, &[], Some(rate)).expect("valid");
+        assert!((record.sample_period_s() * rate - 1.0).abs() < 1e-12);
+    }
+    // Stamps that jitter are put on a grid that is judged as they would be; a unit that is stated has the last word.
+    let slow = text(HEADER, |row| {
+        let [_, command, position] = plain(row);
+        [format!("{}", row as f64 + if row % 7 == 3 { 0.2 } else { 0.0 }), command, position]
+    });
+    let found = message(&slow, &[], Some(1.0));
+    assert!(found.contains("column `t_s` (1): found a sampling period of 1 s"), "{found}");
+    assert!(parse(&slow, &["t_s=t_s[s]"], Some(1.0)).is_ok());
+    assert!(parse(&slow, &["t_s=t_s[ms]"], Some(1000.0)).is_ok());
+}
+
+#[test]
 fn rows_that_come_twice_are_left_out() {
     let twice =
         text(HEADER, plain).replace("\n0.030;", "\n#\n0.030;").lines().fold(String::new(), |all, line| {
