@@ -13,9 +13,11 @@ use super::time_base::Digits;
 use super::{Loaded, PARQUET_SIGNATURE, ReadOptions};
 use cells::{Cells, is_blank, shown, with_point};
 use rows::{Rows, line_ends};
+use start::Start;
 
 mod cells;
 mod rows;
+mod start;
 mod unit_row;
 
 /// First bytes of files that are no text.
@@ -56,9 +58,11 @@ pub fn read_csv_with(path: &Path, options: &ReadOptions) -> Result<Loaded, Recor
 /// Reads a record from the content of a text file; `file` names it in messages.
 ///
 /// The separator is a comma, a semicolon or a tab, whichever the header has most of, or what a first line `sep=;` says;
-/// where it is no comma, numbers may have decimal commas. A byte order mark, CRLF, quoted cells and blank lines are fine.
-/// A row of units under the header counts for columns of which nothing else says a unit. Columns that are not used become
-/// a warning. A blank cell of a measured column is a missing sample, and so is `NaN` or `NA`.
+/// where it is no comma, numbers may have decimal commas. Where the header has none of them, blanks separate cells. Lines
+/// above the names of the columns are skipped; where there are numbers only, a comment above them may have the names. A byte
+/// order mark, CRLF, quoted cells and blank lines are fine. A row of units under the header counts for columns of which
+/// nothing else says a unit, and may not contradict the name of a channel. Columns that are not used become a warning. A
+/// blank cell of a measured column is a missing sample, and so is `NaN` or `NA`.
 ///
 /// # Errors
 ///
@@ -67,11 +71,11 @@ pub fn read_csv_with(path: &Path, options: &ReadOptions) -> Result<Loaded, Recor
 /// and of its time.
 pub fn parse_csv(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Loaded, RecordError> {
     let text = decode(file, bytes)?;
-    let mut rows = Rows::new(file, text);
-    let Some((header_line, row)) = rows.next().transpose()? else {
-        return Err(RecordError::new(file, Problem::Empty));
-    };
-    let names: Vec<String> = row.iter().map(str::to_owned).collect();
+    let start = Start::new(file, text, |names| Header::new(names.to_vec(), options).is_ok())?;
+    let (below, separator) = start.rows(text);
+    let mut rows = Rows::from_line(file, &below, start.next_line(text), separator);
+    let mut notes: Vec<String> = start.note().into_iter().collect();
+    let Start { names, line: header_line, .. } = start;
     if names.iter().all(|name| name.parse::<f64>().is_ok()) {
         return Err(RecordError::new(file, Problem::NoHeader).at_line(header_line));
     }
@@ -88,8 +92,7 @@ pub fn parse_csv(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Load
         RecordError::new(file, problem).at_line(line).in_field(field(&names, column))
     };
 
-    let mut cells = Cells::new(rows.separator);
-    let mut notes = Vec::new();
+    let mut cells = Cells::new(separator);
     let mut first = rows.next().transpose()?;
     let units = first.take_if(|(_, row)| unit_row::is_one(&columns, row));
     if units.is_some() {

@@ -106,7 +106,8 @@ impl fmt::Display for Suspicion {
             // Of a time that no file has: a rate was given.
             return match self.found {
                 Excess::Period(_) => {
-                    let [lowest, highest] = [PERIODS.end(), PERIODS.start()].map(|period| period.recip().round());
+                    let [lowest, highest] =
+                        [PERIODS.end(), PERIODS.start()].map(|period| period.recip().round());
                     write!(f, ": a rate of {lowest} to {highest} Hz")
                 }
                 _ => Ok(()),

@@ -21,7 +21,16 @@ impl<'a> Rows<'a> {
     pub(super) fn new(file: &'a str, text: &'a str) -> Self {
         let line = first_line(text);
         let declared = declared(line);
-        let separator = declared.unwrap_or_else(|| most_frequent(line));
+        let separator = declared.or_else(|| separator_of(line)).unwrap_or(b',');
+        let mut rows = Self::from_line(file, text, 1, separator);
+        if declared.is_some() {
+            rows.next();
+        }
+        rows
+    }
+
+    /// The rows of a text whose first line is this one of the file.
+    pub(super) fn from_line(file: &'a str, text: &'a str, line: u64, separator: u8) -> Self {
         let reader = ReaderBuilder::new()
             .delimiter(separator)
             .comment(Some(b'#'))
@@ -29,17 +38,18 @@ impl<'a> Rows<'a> {
             .flexible(true)
             .trim(Trim::All)
             .from_reader(text.as_bytes());
-        let mut rows = Self { file, text: text.as_bytes(), separator, reader, counted: 0, line: 1 };
-        if declared.is_some() {
-            rows.next();
-        }
-        rows
+        Self { file, text: text.as_bytes(), separator, reader, counted: 0, line }
+    }
+
+    /// How many bytes are read.
+    pub(super) fn read(&self) -> usize {
+        usize::try_from(self.reader.position().byte()).unwrap_or(usize::MAX).min(self.text.len())
     }
 
     /// The line of the row that the reader found after byte `start`: it passes over blank and comment lines
     /// without a count, so they are counted here.
     fn line_after(&mut self, start: usize) -> u64 {
-        let mut start = start.min(self.text.len());
+        let mut start = start;
         loop {
             let rest = &self.text[start..];
             start += match rest.first() {
@@ -60,7 +70,7 @@ impl Iterator for Rows<'_> {
     fn next(&mut self) -> Option<Self::Item> {
         let mut row = StringRecord::new();
         loop {
-            let start = usize::try_from(self.reader.position().byte()).unwrap_or(usize::MAX);
+            let start = self.read();
             let found = self.reader.read_record(&mut row);
             let line = self.line_after(start);
             match found {
@@ -88,7 +98,7 @@ fn first_line(text: &str) -> &str {
 }
 
 /// The separator of a line such as `sep=;`.
-fn declared(line: &str) -> Option<u8> {
+pub(super) fn declared(line: &str) -> Option<u8> {
     let line = line.trim_matches('"');
     match line.split_at_checked(4)? {
         (key, separator) if key.eq_ignore_ascii_case("sep=") => match separator.as_bytes() {
@@ -101,10 +111,10 @@ fn declared(line: &str) -> Option<u8> {
     }
 }
 
-/// The separator that the header has most of; a comma if it has none.
-fn most_frequent(header: &str) -> u8 {
-    let count = |separator: u8| header.bytes().filter(|&byte| byte == separator).count();
-    [b'\t', b';', b','].into_iter().max_by_key(|&separator| count(separator)).unwrap_or(b',')
+/// The separator that a line has most of, if it has one.
+pub(super) fn separator_of(line: &str) -> Option<u8> {
+    let count = |separator: &u8| line.bytes().filter(|byte| byte == separator).count();
+    [b'\t', b';', b','].into_iter().max_by_key(count).filter(|separator| count(separator) > 0)
 }
 
 /// How many lines end in a text: by `\n`, `\r\n` or `\r`.

@@ -184,6 +184,75 @@ fn a_row_of_units_counts_where_nothing_else_says_a_unit() {
 }
 
 #[test]
+fn lines_of_the_logger_above_the_names_are_skipped() {
+    let above = "Test rig 7\nOperator: X, Y\n\n# Date: 12:00\n***End_of_Header***\n";
+    for separator in [",", ";", "\t", " ", "   "] {
+        for end in ["\n", "\r\n", "\r"] {
+            let body = text(HEADER, plain).replace(';', separator);
+            let Loaded { record, warnings } =
+                parse(&format!("{above}{body}").replace('\n', end), &[], None).expect(separator);
+            assert!(is_motion(&record), "`{separator}`");
+            let note = "run.csv: the names of the columns are on line 6: what is above it is skipped";
+            assert_eq!(warnings, [note], "`{separator}`");
+            let wrong = body.replace(&format!("0.007{separator}"), &format!("x{separator}"));
+            let found = message(&format!("{above}{wrong}").replace('\n', end), &[], None);
+            assert!(found.starts_with("run.csv:14: column `t_s` (1): found `x`"), "{found}");
+            // The control: nothing above, no note.
+            let Loaded { record, warnings } = parse(&body.replace('\n', end), &[], None).expect(separator);
+            assert!(is_motion(&record) && warnings.is_empty(), "{warnings:?}");
+        }
+    }
+    // Names that are not those of channels are told from the numbers below them, and may be mapped.
+    let named = format!("{above}{}", text("Zeit;Soll;Ist\ns;m;m", plain));
+    assert_eq!(
+        message(&named, &[], None),
+        "run.csv:6: `t_s` is missing: found `Zeit`, `Soll`, `Ist`; map one: `--columns 't_s=NAME'`, or give the sampling \
+         rate: `--rate HZ`"
+    );
+    let mapped = parse(&named, &["t_s=Zeit", "command_m=Soll", "lvdt_m=Ist"], None).expect("valid");
+    assert!(is_motion(&mapped.record));
+    // What is declared holds for what comes later.
+    let declared = format!("sep=;\nmade, by, hand, today\n{}", text(HEADER, plain));
+    assert!(is_motion(&parse(&declared, &[], None).expect("valid").record));
+    // The first hundred lines are looked at.
+    let far = format!("{}{}", "a line\n".repeat(120), text(HEADER, plain));
+    assert!(message(&far, &[], None).starts_with("run.csv:1: `t_s` is missing: found `a line`"));
+}
+
+#[test]
+fn blanks_may_separate_cells() {
+    let aligned = text("  t_s    command_m  lvdt_m  ", |row| plain(row).map(|cell| format!("  {cell} ")));
+    let aligned = aligned.replace(';', " ");
+    let Loaded { record, warnings } = parse(&aligned, &[], None).expect("valid");
+    assert!(is_motion(&record) && warnings.is_empty(), "{warnings:?}");
+    let quoted = aligned.replace("t_s ", "\"my time\" ");
+    assert!(is_motion(&parse(&quoted, &["t_s=my time"], None).expect("valid").record));
+    let german = aligned.replace('.', ",");
+    assert!(is_motion(&parse(&german, &[], None).expect("valid").record));
+    let short = aligned.replacen("  0.007 ", "", 1);
+    assert_eq!(message(&short, &[], None), "run.csv:9: found 2 cells, expected 3 as in the header");
+}
+
+#[test]
+fn names_may_be_in_the_comment_above_numbers() {
+    for separator in [" ", ",", "\t"] {
+        let numpy = format!("# {}", text(HEADER, plain).replace(';', separator));
+        let Loaded { record, warnings } = parse(&format!("# run 7\n{numpy}"), &[], None).expect(separator);
+        assert!(is_motion(&record), "`{separator}`");
+        assert_eq!(warnings, ["run.csv: the names of the columns are those of the comment on line 2"]);
+    }
+    // Not where they are not those of the numbers.
+    let four =
+        text("# t_s command_m lvdt_m", |row| plain(row).map(|cell| format!("{cell} 1"))).replace(';', " ");
+    assert!(message(&four, &[], None).starts_with("run.csv:2: found numbers only"));
+    let bare = text("", plain).trim_start().to_owned();
+    for separator in [";", " "] {
+        let found = message(&bare.replace(';', separator), &[], None);
+        assert!(found.starts_with("run.csv:1: found numbers only"), "{found}");
+    }
+}
+
+#[test]
 fn a_command_that_never_changes_is_asked_about() {
     let still = text(HEADER, |row| {
         let [time, _, position] = plain(row);
