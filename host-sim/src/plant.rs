@@ -81,6 +81,13 @@ pub fn run(rig: &Rig, excitation: &Excitation, step: f64) -> Vec<Outputs<f64>> {
     std::iter::from_fn(|| walk.next(&flight, &mut stepper)).map(|(_, outputs)| outputs).collect()
 }
 
+/// The step, s, that [`run`] takes with a sample period where it is asked for at most `longest`.
+pub fn step(sample_period: f64, longest: f64) -> f64 {
+    let mut stepper = Midpoint::new(longest);
+    stepper.begin(sample_period, true, true);
+    4.0 * stepper.unit()
+}
+
 /// The force that a known controller asked for along a run that started at rest, N.
 pub fn asked(law: &Law<f64>, excitation: &Excitation, outputs: &[Outputs<f64>]) -> Vec<f64> {
     let before = [outputs.first(), outputs.first()].into_iter().flatten().chain(outputs);

@@ -54,7 +54,7 @@ pub struct Options {
     /// Sample period, s; 0.001 by default.
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     period: Option<f64>,
-    /// Longest step of the integration, s.
+    /// Longest step of the integration, s; a whole number of steps makes a sample.
     #[arg(long, default_value_t = 1e-6, value_name = "S")]
     step: f64,
     /// Value of a parameter or fault: `bkl=2e-4`, `FDJ=800` (names and symbols as `rigs eha --json` lists them).
@@ -94,6 +94,12 @@ impl Options {
 
 /// Most samples of a simulated record.
 const MAX_SAMPLES: f64 = 1e7;
+
+/// Longest step of the integration, s: a longer one is off by more than a sensor's noise.
+const LONGEST_STEP: f64 = 1e-4;
+
+/// Most steps in a sample, and in all: those take an hour.
+const MAX_STEPS: [f64; 2] = [1e6, 1e10];
 
 /// Runs the verb.
 ///
@@ -135,8 +141,8 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
         dropout: options.dropout,
     };
     let wanted = options.channels.iter().map(|column| measured(column)).collect::<Result<Vec<_>, _>>()?;
-    let step = positive("step", options.step)?;
     let Asked { mut excitation, command } = asked(options, &rig)?;
+    let step = step(options.step, &excitation)?;
     check_delay(&rig, excitation.sample_period)?;
     let outputs = plant::run(&rig, &excitation, step);
     if let Some(law) = &rig.controller {
@@ -147,7 +153,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let record = if wanted.is_empty() { record } else { keep(&record, &wanted)? };
     let mut comments = vec![
         format!("host-sim {} simulate, seed {}", env!("CARGO_PKG_VERSION"), common.seed),
-        format!("rig {}, model {:?}, step {} s, command {command}", rig.name, options.model, options.step),
+        format!("rig {}, model {:?}, step {step} s, command {command}", rig.name, options.model),
     ];
     for (parameter, value) in rig.changed() {
         comments.push(format!("{} = {value} {}", parameter.info().name, parameter.info().unit));
@@ -201,6 +207,25 @@ fn positive(name: &str, value: f64) -> Result<f64, Failure> {
     } else {
         Err(Failure::usage(format!("--{name} {value}: expected a positive number")))
     }
+}
+
+/// The step with which an excitation is flown: the longest that a sample is a whole number of, but for rounding.
+fn step(asked: f64, excitation: &Excitation) -> Result<f64, Failure> {
+    positive("step", asked)?;
+    if asked > LONGEST_STEP {
+        return Err(Failure::usage(format!("--step {asked}: expected at most {LONGEST_STEP} s")));
+    }
+    let (period, samples) = (excitation.sample_period, excitation.command.len() as f64);
+    let [of_sample, in_all] = MAX_STEPS;
+    let shortest = (period / of_sample).max(period * samples / in_all);
+    // What is shorter by rounding is not meant so.
+    if asked < shortest * (1.0 - 1e-9) {
+        return Err(Failure::usage(format!(
+            "--step {asked:e}: expected at least {shortest:e} s for {samples} samples every {period} s"
+        )));
+    }
+    let used = plant::step(period, asked);
+    Ok(if (used / asked - 1.0).abs() < 1e-9 { asked } else { used })
 }
 
 fn channel_values(list: &[String]) -> Result<Vec<(Channel, f64)>, Failure> {

@@ -22,6 +22,21 @@ fn the_seed_alone_decides_the_noise() {
 }
 
 #[test]
+fn a_record_says_with_which_step_it_was_made() {
+    let bench = Bench::new();
+    for (asked, used) in [("1e-4", 1e-4), ("3e-5", 1e-3 / 34.0), ("7e-5", 1e-3 / 15.0)] {
+        let short = ["simulate", "--model", "lf", "--duration", "0.1", "--step", asked];
+        bench.run(&[&short[..], &["-o", "record.csv"]].concat()).done();
+        let text = bench.read("record.csv");
+        let (_, rest) = text.split_once(", step ").expect("a step");
+        let step: f64 = rest.split_once(" s,").expect("its unit").0.parse().expect("a number");
+        assert!((step / used - 1.0).abs() < 1e-9, "{asked}: {step}");
+        let result = bench.run(&[&short[..], &["--json"]].concat()).done().json();
+        assert_eq!(number(&result["config"]["step_s"]), step);
+    }
+}
+
+#[test]
 fn every_command_runs() {
     let bench = Bench::new();
     let list = bench.run(&["commands", "--json"]).done().json();

@@ -81,6 +81,16 @@ fn a_wrong_value_is_named_with_what_was_expected() {
         (&["simulate", "--duration", "1e12"], &["--duration", "at most"]),
         (&["simulate", "--duration=-1"], &["--duration -1"]),
         (&["simulate", "--step", "0"], &["--step 0"]),
+        (&["simulate", "--step", "1"], &["--step 1: expected at most 0.0001 s"]),
+        (&["simulate", "--step", "1.01e-4"], &["expected at most 0.0001 s"]),
+        (
+            &["simulate", "--step", "1e-12"],
+            &["--step 1e-12: expected at least 1e-9 s for 1001 samples every 0.001 s"],
+        ),
+        (
+            &["simulate", "--step", "1e-8", "--duration", "1000"],
+            &["expected at least 1.00000", "e-7 s for 1000001 samples"],
+        ),
         (&["simulate", "--amplitude", "nan"], &["command_m"]),
         (&["simulate", "--amplitude", "0"], &["lvdt_m", "same value"]),
         (&["simulate", "--rig", "force-axis"], &["drive_N"]),
