@@ -29,10 +29,10 @@ pub struct Common {
     #[arg(long, short, global = true)]
     pub(crate) quiet: bool,
     /// Seed of all randomness.
-    #[arg(long, global = true, default_value_t = 1)]
+    #[arg(long, global = true, default_value_t = 1, allow_negative_numbers = true)]
     pub(crate) seed: u64,
     /// Threads; all processors by default. Results do not depend on it.
-    #[arg(long, global = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, global = true, allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
     /// Rig: a built-in name (see `rigs`) or a TOML file.
     #[arg(long, global = true, value_name = "NAME|FILE.toml")]
@@ -117,4 +117,44 @@ pub(crate) fn command_line() -> String {
     let quoted = |argument: std::ffi::OsString| shell_word::quoted(&argument.to_string_lossy()).into_owned();
     let arguments = std::env::args_os().skip(1).map(quoted);
     std::iter::once(env!("CARGO_PKG_NAME").to_owned()).chain(arguments).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::{Arg, Command, CommandFactory};
+    use std::any::TypeId;
+
+    fn is_number(arg: &Arg) -> bool {
+        let parsed = arg.get_value_parser().type_id();
+        let types = [
+            TypeId::of::<f64>(),
+            TypeId::of::<u64>(),
+            TypeId::of::<u32>(),
+            TypeId::of::<u16>(),
+            TypeId::of::<usize>(),
+        ];
+        types.iter().any(|&number| parsed == number)
+    }
+
+    #[test]
+    fn a_number_below_zero_comes_to_the_check_of_its_option() {
+        let command = Cli::command();
+        let all = command.get_arguments().chain(command.get_subcommands().flat_map(Command::get_arguments));
+        let numbers: Vec<&Arg> =
+            all.filter(|arg| is_number(arg) && arg.get_action().takes_values()).collect();
+        assert!(numbers.len() >= 15, "{}", numbers.len());
+        for arg in numbers {
+            // A whole number has no exponent, whose sign clap does not take for a part of one.
+            let is_whole = arg.get_value_parser().type_id() != TypeId::of::<f64>();
+            assert!(
+                if is_whole { arg.is_allow_negative_numbers_set() } else { arg.is_allow_hyphen_values_set() },
+                "{arg}"
+            );
+        }
+        let parsed = Cli::try_parse_from(["host-sim", "simulate", "--amplitude", "-5e-3", "--json"]);
+        assert!(parsed.is_ok_and(|cli| cli.common.json));
+        // The control: a path is none.
+        assert!(!command.get_arguments().any(|arg| arg.get_id() == "out" && is_number(arg)));
+    }
 }

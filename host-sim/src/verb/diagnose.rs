@@ -38,7 +38,7 @@ pub struct Options {
     holdout: Vec<PathBuf>,
     #[command(flatten)]
     input: InputOptions,
-    #[arg(long, value_name = "S", value_parser = effort, help = effort_help())]
+    #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = effort, help = effort_help())]
     effort: Option<f64>,
     /// Where to write the final model's prediction of the (first) held-out record (CSV, or Parquet if it ends so).
     #[arg(long, value_name = "FILE.csv|.parquet", requires = "holdout", value_parser = table_path())]

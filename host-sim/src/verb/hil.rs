@@ -37,13 +37,13 @@ pub struct Options {
     #[arg(long, value_name = "DEVICE", conflicts_with = "machine")]
     port: Option<PathBuf>,
     /// Speed of the serial port.
-    #[arg(long, default_value_t = 921_600, requires = "port")]
+    #[arg(long, default_value_t = 921_600, allow_negative_numbers = true, requires = "port")]
     baud: u32,
     /// Command of the simulated actuator.
     #[arg(long, default_value = "mixed")]
     command: String,
     /// How long the simulated actuator runs, s.
-    #[arg(long, default_value_t = 10.0, value_parser = seconds)]
+    #[arg(long, default_value_t = 10.0, allow_hyphen_values = true, value_parser = seconds)]
     seconds: f64,
     /// Parameter of the simulated actuator: `fdj=800`.
     #[arg(long = "set", value_name = "NAME=VALUE")]
@@ -55,7 +55,7 @@ pub struct Options {
     #[arg(long = "watch", value_name = "NAME=HEALTHY..ALARM", default_values = ["bkl=1e-4..2e-4", "fdj=400..600"])]
     watch: Vec<String>,
     /// Chance that a byte of the samples is lost, damaged, repeated or reordered on its way.
-    #[arg(long, default_value_t = 0.0, value_parser = rate)]
+    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_parser = rate)]
     damage: f64,
 }
 

@@ -47,13 +47,13 @@ pub struct InputOptions {
     #[arg(long, value_name = "CHANNEL=NAME[UNIT],...")]
     columns: Vec<String>,
     /// Sampling rate, Hz, where a file has no time, or stamps that jitter, or rows that were lost.
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", allow_hyphen_values = true)]
     rate: Option<f64>,
     /// First time to keep, s.
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
     from: Option<f64>,
     /// Time from which on nothing is kept, s.
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
     to: Option<f64>,
 }
 
@@ -202,12 +202,13 @@ pub struct FitOptions {
     #[arg(long = "bounds", value_name = "NAME=LOW..HIGH")]
     bounds: Vec<String>,
     /// Members of the population of the genetic algorithm.
-    #[arg(long, default_value_t = FitSettings::default().population,
+    #[arg(long, default_value_t = FitSettings::default().population, allow_negative_numbers = true,
           value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(4..=fit::MAX_POPULATION as u64))]
     population: usize,
     /// Most evaluations of the model in one search; what is begun is ended. Records that are not explained are searched in
     /// each reading that the rig leaves open, and then from more seeds, each with this budget.
-    #[arg(long, default_value_t = FitSettings::default().budget, value_parser = clap::value_parser!(u32).range(20..))]
+    #[arg(long, default_value_t = FitSettings::default().budget, allow_negative_numbers = true,
+          value_parser = clap::value_parser!(u32).range(20..))]
     budget: u32,
     /// Where to write what was measured, predicted and left, sample by sample (CSV, or Parquet if it ends so);
     /// `trace.csv` in the directory of `--out` by default.

@@ -37,25 +37,25 @@ pub struct Options {
     #[arg(long, default_value = "chirp", value_name = "NAME|FILE.csv")]
     command: String,
     /// Amplitude of the command in place of its own, m (ramp: m/s). A command takes those of these options that it has.
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    #[arg(long, value_name = "M", allow_hyphen_values = true)]
     amplitude: Option<f64>,
     /// Frequency of the command in place of its own, Hz (chirp: at its start).
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", allow_hyphen_values = true)]
     frequency: Option<f64>,
     /// Chirp: frequency at the end of the sweep, Hz.
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", allow_hyphen_values = true)]
     end_frequency: Option<f64>,
     /// Chirp: duration of the sweep, s.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
     sweep: Option<f64>,
     /// Duration, s; 1 by default.
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
     duration: Option<f64>,
     /// Sample period, s; 0.001 by default.
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
     period: Option<f64>,
     /// Longest step of the integration, s; a whole number of steps makes a sample.
-    #[arg(long, default_value_t = 1e-6, value_name = "S")]
+    #[arg(long, default_value_t = 1e-6, value_name = "S", allow_hyphen_values = true)]
     step: f64,
     /// Value of a parameter or fault: `bkl=2e-4`, `FDJ=800` (names and symbols as `rigs eha --json` lists them).
     #[arg(long = "set", value_name = "NAME=VALUE")]
@@ -74,7 +74,7 @@ pub struct Options {
     #[arg(long, value_delimiter = ',', value_name = "CHANNEL=VALUE")]
     quantum: Vec<String>,
     /// Chance that a sample of a measured channel is missing.
-    #[arg(long, default_value_t = 0.0)]
+    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true)]
     dropout: f64,
     /// Measured channels to write; all by default.
     #[arg(long, value_delimiter = ',', value_name = "CHANNEL")]
