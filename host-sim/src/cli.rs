@@ -34,7 +34,7 @@ pub struct Common {
     /// Threads; all processors by default. Results do not depend on it.
     #[arg(long, global = true, allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
-    /// Rig: a built-in name (see `rigs`) or a TOML file.
+    /// Rig: a built-in name (see `rigs`) or a TOML file; of the verbs that fit, check or simulate.
     #[arg(long, global = true, value_name = "NAME|FILE.toml")]
     pub(crate) rig: Option<String>,
     /// Directory for files that a verb writes; made if it is not there.
@@ -108,6 +108,27 @@ impl Verb {
             | Self::Hil(_)
             | Self::Budget(_)
             | Self::Completions(_) => false,
+        }
+    }
+
+    /// Is a rig of the user's any use to the verb?
+    pub(crate) const fn takes_rig(&self) -> bool {
+        match self {
+            Self::Simulate(_)
+            | Self::Check(_)
+            | Self::Identify(_)
+            | Self::Calibrate(_)
+            | Self::Diagnose(_)
+            | Self::Reproduce(_)
+            | Self::Hil(_) => true,
+            Self::Demo(_)
+            | Self::Effects
+            | Self::Commands
+            | Self::Rigs(_)
+            | Self::Import(_)
+            | Self::Budget(_)
+            | Self::Completions(_)
+            | Self::Man(_) => false,
         }
     }
 }

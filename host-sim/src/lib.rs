@@ -54,6 +54,14 @@ pub fn run(cli: &Cli) -> Result<(), Failure> {
             out.display()
         )));
     }
+    if let (Some(rig), false) = (&common.rig, cli.verb.takes_rig()) {
+        let why = match &cli.verb {
+            Verb::Demo(_) => "`demo` is about its own rig",
+            Verb::Rigs(_) => "this verb takes the rig as an argument, `rigs NAME`",
+            _ => "this verb is about no rig",
+        };
+        return Err(Failure::usage(format!("--rig {rig}: {why}, expected no such option")));
+    }
     match &cli.verb {
         Verb::Demo(options) => verb::demo::run(common, options),
         Verb::Simulate(options) => verb::simulate::run(common, options),

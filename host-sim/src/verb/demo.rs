@@ -52,11 +52,6 @@ pub struct Options {}
 /// # Errors
 /// A file cannot be written.
 pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
-    if let Some(rig) = &common.rig {
-        return Err(Failure::usage(format!(
-            "--rig {rig}: `demo` is about the rig `{DEFAULT_RIG}`, expected no other"
-        )));
-    }
     interrupt::watch()?;
     let directory = common.out.clone().unwrap_or_else(|| DIRECTORY.into());
     let common = &Common { out: Some(directory), ..common.clone() };

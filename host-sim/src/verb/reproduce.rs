@@ -4,6 +4,7 @@
 //! To close the loop, `diagnose` sees two records of the *healthy* actuator and predicts a third. What it adds to the
 //! monitor's model is then used for all twelve cases; or the user's rig is, which such a diagnosis wrote before.
 
+use super::DEFAULT_RIG;
 use super::diagnose::Job;
 use super::files::Files;
 use super::findings::{findings, print_findings};
@@ -15,11 +16,11 @@ use crate::output::{self, SCHEMA, Time};
 use crate::plant::{self, Excitation, Sensing};
 use crate::record::Record;
 use crate::report::{self, Portrait, REPORT_FILE, Reproduced};
-use crate::rig::{BUILT_IN, Rig};
+use crate::rig::{BUILT_IN, Rig, spelled};
 use crate::thesis::{CASES, Case};
 use eha_monitor::channel::Channel;
+use eha_monitor::model::Form;
 use eha_monitor::model::state::Outputs;
-use eha_monitor::model::{Drive, Form};
 use eha_monitor::parameter::Parameter;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -261,13 +262,15 @@ fn portraits() -> Result<Vec<Portrait>, Failure> {
 
 /// A rig that the source's cases can be fitted with.
 fn of_the_source(rig: Rig) -> Result<Rig, Failure> {
-    match rig.form.drive {
-        Drive::Valve => Ok(rig),
-        Drive::Force => Err(Failure::usage(format!(
-            "rig `{}` is driven by a force: the source's cases have none, expected a valve",
-            rig.name
-        ))),
+    if rig.form == Form::default() {
+        return Ok(rig);
     }
+    let (valve, feedback, drive) = spelled(rig.form);
+    Err(Failure::usage(format!(
+        "rig `{}` is another actuator than the source's (valve {valve}, feedback {feedback}, drive {drive}), expected \
+         `{DEFAULT_RIG}` or what a diagnosis made of it",
+        rig.name
+    )))
 }
 
 /// The monitor's rig with what two healthy HF records reveal, validated on a third.
