@@ -222,6 +222,7 @@ fn parse(text: &str) -> Result<Rig, Failure> {
         rig.drive_holds = true;
     }
     rig.drive_holds = model.drive_holds.unwrap_or(rig.drive_holds);
+    let mut given: BTreeMap<&str, String> = BTreeMap::new();
     for (name, value) in file.parameters {
         let parameter = parameter_named(&name)?;
         let info = parameter.info();
@@ -229,6 +230,11 @@ fn parse(text: &str) -> Result<Rig, Failure> {
             return Err(Failure::usage(format!(
                 "parameter `{name}` = {value}: expected {} to {} {}",
                 info.lower, info.upper, info.unit
+            )));
+        }
+        if let Some(before) = given.insert(info.name, name.clone()) {
+            return Err(Failure::usage(format!(
+                "[parameters] `{before}` and `{name}` are the same parameter, expected it once"
             )));
         }
         rig.parameters.set(parameter, value);
@@ -453,6 +459,10 @@ mod tests {
             (
                 "[controller]\nposition-gain = 160.0\nvelocity-gain = 243.0\nlimit = 10.0\nforce-gain = 35.0",
                 "[controller]: expected `drive = \"force\"`",
+            ),
+            (
+                "[parameters]\nfdj = 600.0\nFDJ = 500.0",
+                "[parameters] `FDJ` and `fdj` are the same parameter, expected it once",
             ),
             ("[noise]\ncommand_m = 1.0", "noise of `command_m` = 1"),
             ("[[effect]]\nname = \"sensor-of\"", "did you mean `sensor-offset`?"),
