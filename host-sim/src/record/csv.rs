@@ -197,15 +197,20 @@ fn decode<'a>(file: &str, bytes: &'a [u8]) -> Result<&'a str, RecordError> {
         return Err(RecordError::new(file, Problem::NotUtf8(looks_like)));
     }
     let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
-    std::str::from_utf8(bytes).map_err(|error| {
-        let line = 1 + line_ends(&bytes[..error.valid_up_to()]);
-        let looks_like = if bytes.contains(&0) {
-            "bytes that are no text"
-        } else {
-            "a byte that is not UTF-8, such as text in Windows-1252 or Latin-1 has"
-        };
+    let not_text = |place: usize, looks_like| {
+        let line = 1 + line_ends(&bytes[..place]);
         RecordError::new(file, Problem::NotUtf8(looks_like)).at_line(line)
-    })
+    };
+    let zero = bytes.iter().position(|&byte| byte == 0);
+    match (std::str::from_utf8(bytes), zero) {
+        (Ok(text), None) => Ok(text),
+        (Err(error), None) => Err(not_text(
+            error.valid_up_to(),
+            "a byte that is not UTF-8, such as text in Windows-1252 or Latin-1 has",
+        )),
+        (Err(error), Some(zero)) => Err(not_text(error.valid_up_to().min(zero), "bytes that are no text")),
+        (Ok(_), Some(zero)) => Err(not_text(zero, "bytes that are no text")),
+    }
 }
 
 fn field(names: &[String], index: usize) -> Field {

@@ -6,6 +6,12 @@ use super::MIN_SAMPLES;
 use super::plausible::Suspicion;
 use crate::output::plain;
 
+/// Most names that a message lists.
+pub(super) const MOST_LISTED: usize = 10;
+
+/// Longest part of a name that a message repeats.
+pub(super) const SHOWN_OF_NAME: usize = 60;
+
 /// Why a record was refused: where, what was found, what was expected.
 ///
 /// [`Display`](fmt::Display) gives the whole message, `file:line: column `x` (n): found ..., expected ...`,
@@ -52,8 +58,10 @@ impl Field {
 impl fmt::Display for Field {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Column { name, number } => write!(f, "column `{name}` ({number})"),
-            Self::Variable(name) => write!(f, "variable `{name}`"),
+            Self::Column { name, number } => {
+                write!(f, "column `{}` ({number})", printable(name, SHOWN_OF_NAME))
+            }
+            Self::Variable(name) => write!(f, "variable `{}`", printable(name, SHOWN_OF_NAME)),
             Self::Channel(name) => write!(f, "channel `{name}`"),
         }
     }
@@ -307,7 +315,31 @@ fn quoted(names: &[String]) -> String {
     if names.is_empty() {
         return "nothing".to_owned();
     }
-    names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+    listed(names.iter().map(|name| format!("`{}`", printable(name, SHOWN_OF_NAME))))
+}
+
+/// The first of some entries, separated by commas, and how many more there are.
+pub(super) fn listed(entries: impl ExactSizeIterator<Item = String>) -> String {
+    let more = entries.len().saturating_sub(MOST_LISTED);
+    let shown = entries.take(MOST_LISTED).collect::<Vec<_>>().join(", ");
+    if more == 0 { shown } else { format!("{shown} and {more} more") }
+}
+
+/// So many letters of a text, what cannot be printed in its escapes.
+pub(super) fn printable(text: &str, most: usize) -> String {
+    let mut letters = text.chars();
+    let mut shown = String::new();
+    for letter in letters.by_ref().take(most) {
+        if letter.is_control() || letter == char::REPLACEMENT_CHARACTER {
+            shown.extend(letter.escape_default());
+        } else {
+            shown.push(letter);
+        }
+    }
+    if letters.next().is_some() {
+        shown.push_str("...");
+    }
+    shown
 }
 
 impl RecordError {

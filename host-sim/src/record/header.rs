@@ -3,7 +3,7 @@
 use eha_monitor::channel::{Channel, ChannelInfo};
 
 use super::ReadOptions;
-use super::error::Problem;
+use super::error::{MOST_LISTED, Problem, SHOWN_OF_NAME, listed, printable};
 use super::mapping::{Found, suggestion};
 
 /// The columns of a file that has them by name.
@@ -53,14 +53,20 @@ impl Header {
             |info: &ChannelInfo| info.channel != Channel::Time || options.sample_rate_hz.is_none();
         let is_unused = |index: usize| self.columns.iter().all(|column| column.source != index);
         let named = self.names.iter().enumerate().filter(|(_, name)| !name.is_empty());
-        let unused: Vec<String> = named
-            .filter(|(index, _)| is_unused(*index))
-            .map(|(_, name)| match suggestion(name, is_asked_for) {
-                Some(hint) => format!("`{name}` ({hint})"),
-                None => format!("`{name}`"),
-            })
-            .collect();
-        (!unused.is_empty()).then(|| format!("columns not used: {}", unused.join(", ")))
+        let unused = named.filter(|(index, _)| is_unused(*index)).map(|(_, name)| {
+            let shown = printable(name, SHOWN_OF_NAME);
+            match suggestion(name, is_asked_for) {
+                Some(hint) => (true, format!("`{shown}` ({hint})")),
+                None => (false, format!("`{shown}`")),
+            }
+        });
+        let mut unused: Vec<(bool, String)> = unused.collect();
+        // Of more than are listed, those that may be meant come first.
+        if unused.len() > MOST_LISTED {
+            unused.sort_by_key(|(is_meant, _)| !is_meant);
+        }
+        let listed = listed(unused.iter().map(|(_, text)| text.clone()));
+        (!unused.is_empty()).then(|| format!("columns not used: {listed}"))
     }
 }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use eha_monitor::channel::{Channel, ChannelRole};
 
-use super::error::{Field, Problem, RecordError};
+use super::error::{Field, MOST_LISTED, Problem, RecordError};
 use super::table::{Series, Table, missing};
 use super::time_base::Resolution;
 use super::{Loaded, ReadOptions};
@@ -87,7 +87,7 @@ impl Contents {
             Some(Ok(Variable::Other(what))) => Some(format!("`{path}` is {what}, which is not read")),
             _ => None,
         });
-        let hints: Vec<String> = hint.into_iter().chain(unread).collect();
+        let hints: Vec<String> = hint.into_iter().chain(unread.take(MOST_LISTED)).collect();
         Problem::Missing { expected, present, hint: (!hints.is_empty()).then(|| hints.join("; ")) }
     }
 

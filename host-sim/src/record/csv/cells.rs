@@ -1,6 +1,6 @@
 //! The numbers in the cells of a text file.
 
-use super::super::error::Problem;
+use super::super::error::{Problem, printable};
 
 /// Longest part of a cell that a message repeats.
 const QUOTED_CHARACTERS: usize = 40;
@@ -68,7 +68,7 @@ pub(super) fn is_blank(cell: &str) -> bool {
 
 /// As much of a cell as a message repeats.
 pub(super) fn shown(cell: &str) -> String {
-    cell.chars().take(QUOTED_CHARACTERS).collect()
+    printable(cell, QUOTED_CHARACTERS)
 }
 
 /// The cell with a point in place of its comma, if that makes it a number.

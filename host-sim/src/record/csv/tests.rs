@@ -383,3 +383,34 @@ fn names_are_found_with_and_without_a_space_before_the_unit() {
          sampling rate: `--rate HZ`"
     );
 }
+
+#[test]
+fn messages_list_a_few_names_that_can_be_printed() {
+    let many: Vec<String> = (0..500).map(|column| format!("ch{column}")).collect();
+    let wide = text(&format!("{HEADER};{};LVDT [mm]", many.join(";")), |row| {
+        let [time, command, position] = plain(row);
+        [time, command, format!("{position}{}", ";0".repeat(501))]
+    });
+    let Loaded { warnings, .. } = parse(&wide, &[], None).expect("valid");
+    let first =
+        "run.csv: columns not used: `LVDT [mm]` (map it with `--columns 'lvdt_m=LVDT [mm]'`), `ch0`, `ch1`,";
+    assert!(warnings[0].starts_with(first) && warnings[0].ends_with("`ch8` and 491 more"), "{}", warnings[0]);
+    let found = message(&wide.replacen("lvdt_m", "foo", 1), &[], None);
+    assert!(
+        found.contains("`t_s`, `command_m`, `foo`, `ch0`,") && found.contains("`ch6` and 494 more"),
+        "{found}"
+    );
+    // Ten are all listed, in their order.
+    let ten = text(&format!("t_s;command_m;foo;{}", many[..7].join(";")), |row| plain(row));
+    assert!(message(&ten, &[], None).contains("`ch5`, `ch6`; map one"), "{}", message(&ten, &[], None));
+    // A file of one long line, and one with bytes that cannot be printed.
+    let json = format!("{{{}}}", "\"lvdt\": 1.25e-3 ".repeat(2000));
+    let found = message(&json, &[], None);
+    assert!(found.len() < 400 && found.contains("...`"), "{found}");
+    let found = message("a\u{1b}[31mb\u{7}c\n1\n", &[], None);
+    assert!(found.contains("found `a\\u{1b}[31mb\\u{7}c`") && !found.contains('\u{1b}'), "{found}");
+    let found = message(&text(HEADER, plain).replace("0.007;", "\u{1b}[2J;"), &[], None);
+    assert!(found.ends_with("found `\\u{1b}[2J`, expected a number"), "{found}");
+    let zeros = text(HEADER, plain).replace("0.007;", "\0\0;");
+    assert!(message(&zeros, &[], None).starts_with("run.csv:9: found bytes that are no text"));
+}
