@@ -27,6 +27,13 @@ pub enum Fidelity {
     Lf,
 }
 
+impl Fidelity {
+    /// Its name, as it is typed.
+    fn name(self) -> String {
+        self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+    }
+}
+
 /// Options of `simulate`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
@@ -153,7 +160,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     let record = if wanted.is_empty() { record } else { keep(&record, &wanted)? };
     let mut comments = vec![
         format!("host-sim {} simulate, seed {}", env!("CARGO_PKG_VERSION"), common.seed),
-        format!("rig {}, model {:?}, step {step} s, command {command}", rig.name, options.model),
+        format!("rig {}, model {}, step {step} s, command {command}", rig.name, options.model.name()),
     ];
     for (parameter, value) in rig.changed() {
         comments.push(format!("{} = {value} {}", parameter.info().name, parameter.info().unit));
@@ -171,7 +178,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     }
     let config = json!({
         "rig": rig.name,
-        "model": format!("{:?}", options.model),
+        "model": options.model.name(),
         "parameters": rig.changed().into_iter().map(|(parameter, value)| (parameter.info().name.to_owned(), json!(value))).collect::<Map<_, _>>(),
         "command": command,
         "samples": excitation.command.len(),

@@ -33,6 +33,8 @@ fn a_record_says_with_which_step_it_was_made() {
         assert!((step / used - 1.0).abs() < 1e-9, "{asked}: {step}");
         let result = bench.run(&[&short[..], &["--json"]].concat()).done().json();
         assert_eq!(number(&result["config"]["step_s"]), step);
+        // The model as it is typed.
+        assert!(text.contains(", model lf, step ") && result["config"]["model"] == "lf", "{text}");
     }
 }
 
