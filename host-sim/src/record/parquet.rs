@@ -2,6 +2,7 @@
 //! from the first sample.
 
 use eha_monitor::channel::Channel;
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use parquet::basic::{Compression, ConvertedType, LogicalType, TimeUnit, Type as PhysicalType};
@@ -15,7 +16,7 @@ use serde_json::Value;
 use super::error::{Field, Problem, RecordError};
 use super::guard::guarded;
 use super::header::Header;
-use super::mapping::UnitFrom;
+use super::mapping::{Found, UnitFrom};
 use super::table::{Series, Table};
 use super::time_base::Resolution;
 use super::units::unit;
@@ -46,15 +47,20 @@ fn decoded(file: &str, path: &Path, options: &ReadOptions) -> Result<Loaded, Rec
         }
     })?;
     let Header { names, columns } = &header;
-    check_compressions(reader.metadata()).map_err(|problem| RecordError::new(file, problem))?;
+    let read = needed(schema, columns.iter().map(|column| column.source)).map_err(broken)?;
+    check_compressions(reader.metadata(), &read).map_err(|problem| RecordError::new(file, problem))?;
+    let place = |column: &Found<usize>| {
+        read.get_fields().iter().position(|field| field.name() == schema.get_fields()[column.source].name())
+    };
+    let places: Vec<usize> = columns.iter().filter_map(place).collect();
     let mut clock = columns.iter().find(|column| column.channel == Channel::Time).and_then(|time| {
         Clock::of(&schema.get_fields()[time.source], reader.metadata().file_metadata().key_value_metadata())
     });
     let mut values: Vec<Vec<f64>> = vec![Vec::new(); columns.len()];
-    for (index, row) in reader.get_row_iter(None).map_err(broken)?.enumerate() {
+    for (index, row) in reader.get_row_iter(Some(read)).map_err(broken)?.enumerate() {
         let row = row.map_err(broken)?;
-        for (column, values) in columns.iter().zip(&mut values) {
-            let cell = row.get_column_iter().nth(column.source).map_or(&Cell::Null, |(_, cell)| cell);
+        for ((column, &place), values) in columns.iter().zip(&places).zip(&mut values) {
+            let cell = row.get_column_iter().nth(place).map_or(&Cell::Null, |(_, cell)| cell);
             if column.channel == Channel::Time
                 && let Some(clock) = &mut clock
                 && let Some(count) = count(cell)
@@ -98,6 +104,13 @@ fn decoded(file: &str, path: &Path, options: &ReadOptions) -> Result<Loaded, Rec
         });
     }
     table.into_loaded(options)
+}
+
+/// The schema of the columns at these places alone, in the order of the file.
+fn needed(schema: &Type, places: impl Iterator<Item = usize>) -> Result<Type, ParquetError> {
+    let places: BTreeSet<usize> = places.collect();
+    let fields = places.iter().map(|&place| schema.get_fields()[place].clone()).collect();
+    Type::group_type_builder(schema.name()).with_fields(fields).build()
 }
 
 /// Does a column hold single-precision numbers?
@@ -156,8 +169,8 @@ fn count(cell: &Cell) -> Option<i64> {
     }
 }
 
-/// Refuses a compression that is not built in.
-fn check_compressions(metadata: &ParquetMetaData) -> Result<(), Problem> {
+/// Refuses a compression that is not built in, of the columns that are read.
+fn check_compressions(metadata: &ParquetMetaData, read: &Type) -> Result<(), Problem> {
     let is_built_in = |compression: &Compression| {
         matches!(
             compression,
@@ -165,7 +178,11 @@ fn check_compressions(metadata: &ParquetMetaData) -> Result<(), Problem> {
         )
     };
     let columns = metadata.row_groups().iter().flat_map(RowGroupMetaData::columns);
-    let mut compressions = columns.map(ColumnChunkMetaData::compression);
+    let is_read = |column: &&ColumnChunkMetaData| {
+        let root = column.column_path().parts().first();
+        read.get_fields().iter().any(|field| Some(field.name()) == root.map(String::as_str))
+    };
+    let mut compressions = columns.filter(is_read).map(ColumnChunkMetaData::compression);
     match compressions.find(|compression| !is_built_in(compression)) {
         None => Ok(()),
         Some(found) => {
@@ -231,6 +248,45 @@ mod tests {
         }
         group.close()?;
         writer.into_inner()
+    }
+
+    #[test]
+    fn what_is_not_needed_is_not_read() {
+        let schema = parse_message_type(
+            "message m { REQUIRED DOUBLE other; REQUIRED DOUBLE lvdt_m; REQUIRED DOUBLE t_s; REQUIRED DOUBLE command_m; }",
+        );
+        let mut writer =
+            SerializedFileWriter::new(Vec::new(), Arc::new(schema.expect("a schema")), Arc::default())
+                .expect("a writer");
+        let mut group = writer.next_row_group().expect("a group");
+        // Times are told from the motion by their place.
+        let motion: Vec<f64> = (0..60).map(|row| 1e-3 * (f64::from(row) * 0.1).sin()).collect();
+        let times: Vec<f64> = (0..60).map(|row| f64::from(row) * 1e-3).collect();
+        for values in [&motion, &motion, &times, &motion] {
+            let mut column = group.next_column().expect("a column").expect("one more");
+            column.typed::<DoubleType>().write_batch(values, None, None).expect("in memory");
+            column.close().expect("in memory");
+        }
+        group.close().expect("in memory");
+        let bytes = writer.into_inner().expect("in memory");
+        let folder = tempfile::tempdir().expect("a directory");
+        let path = folder.path().join("run.parquet");
+        std::fs::write(&path, &bytes).expect("a file");
+        let whole =
+            SerializedFileReader::new(std::fs::File::open(&path).expect("a file")).expect("a Parquet file");
+        let with_damaged = |column: usize| {
+            let (start, length) = whole.metadata().row_group(0).column(column).byte_range();
+            let mut damaged = bytes.clone();
+            damaged[start as usize..(start + length) as usize].fill(0xff);
+            std::fs::write(&path, damaged).expect("a file");
+            read_parquet_with(&path, &ReadOptions::default())
+        };
+        let record = with_damaged(0).expect("only what is not read is damaged").record;
+        assert_eq!(record.channel(Channel::UserPosition), Some(motion.as_slice()));
+        assert!((record.sample_period_s() - 1e-3).abs() < 1e-12);
+        for column in 1..4 {
+            assert!(matches!(with_damaged(column).expect_err("needed").problem(), Problem::BadParquet(_)));
+        }
     }
 
     #[test]
