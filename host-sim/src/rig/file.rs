@@ -1,12 +1,12 @@
 //! Rig files: TOML in and out.
 
 use super::{
-    BUILT_IN, Calibration, CommandPath, Range, Rig, channel_named, parameter_named, unknown, with_nearest,
+    BUILT_IN, Calibration, CommandPath, Range, Rig, channel_named, effect_named, parameter_named, unknown,
+    with_nearest,
 };
 use crate::failure::Failure;
 use crate::fit::MAX_FREE;
 use eha_monitor::channel::ChannelRole;
-use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::model::drive::Law;
 use eha_monitor::model::{Drive, Feedback, Form, ValveForm};
 use eha_monitor::parameter::Parameter;
@@ -260,13 +260,7 @@ fn parse(text: &str) -> Result<Rig, Failure> {
         rig.free = ranges(tables)?;
     }
     for table in file.effect.into_iter().flatten() {
-        let Some(effect) = EffectInfo::named(&table.name) else {
-            return Err(Failure::usage(unknown(
-                "effect",
-                &table.name,
-                EFFECTS.iter().map(|entry| entry.name),
-            )));
-        };
+        let effect = effect_named(&table.name)?;
         if rig.effects.contains(&effect) {
             return Err(Failure::usage(format!("[[effect]] `{}` is there twice", effect.name)));
         }
@@ -385,6 +379,7 @@ pub fn write(rig: &Rig, comments: &[String]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use eha_monitor::effect::EFFECTS;
     use eha_monitor::parameter::{PARAMETERS, ParameterInfo};
 
     #[test]

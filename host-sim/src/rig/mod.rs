@@ -12,7 +12,7 @@ pub use file::{read, spelled, write};
 
 use crate::failure::Failure;
 use eha_monitor::channel::{CHANNELS, Channel};
-use eha_monitor::effect::EffectInfo;
+use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::model::drive::Law;
 use eha_monitor::model::{Drive, Form, ValveForm};
 use eha_monitor::parameter::{PARAMETERS, Parameter, Parameters};
@@ -224,6 +224,15 @@ pub fn channel_named(column: &str) -> Result<Channel, Failure> {
         .find(|row| row.column == column)
         .map(|row| row.channel)
         .ok_or_else(|| Failure::usage(unknown("channel", column, CHANNELS.iter().map(|row| row.column))))
+}
+
+/// The effect of a name.
+///
+/// # Errors
+/// Usage: no such effect; the message suggests the nearest name.
+pub fn effect_named(name: &str) -> Result<&'static EffectInfo, Failure> {
+    EffectInfo::named(name)
+        .ok_or_else(|| Failure::usage(unknown("effect", name, EFFECTS.iter().map(|row| row.name))))
 }
 
 /// Most names that a message lists.

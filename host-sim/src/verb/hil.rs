@@ -1,5 +1,6 @@
 //! `host-sim hil`: samples to the firmware's monitor over a line, its estimates as they come.
 
+use super::assignment::Assignment;
 use super::{DEFAULT_RIG, InputOptions, assignments, rig, set};
 use crate::cli::Common;
 use crate::emulator::Machine;
@@ -9,14 +10,13 @@ use crate::hil::line::Line;
 use crate::hil::stream::{Growth, Simulated, of_record};
 use crate::hil::{Outcome, Session};
 use crate::output::{self, counted, number, quantity};
-use crate::rig::{CommandPath, Rig, parameter_named};
+use crate::rig::{CommandPath, Rig};
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::problem::Free;
 use eha_monitor::link::message::{FAULTS, FromMonitor, ReportMessage};
 use eha_monitor::link::station::WINDOW;
 use eha_monitor::monitor::config::{Config, Fault};
 use eha_monitor::monitor::report::Verdict;
-use eha_monitor::parameter::Parameter;
 use eha_monitor::trial::SensorNoise;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -157,17 +157,6 @@ fn session(common: &Common, options: &Options, rig: &Rig) -> Result<Session, Fai
     Ok(Session { config, samples, damage: options.damage, seed: common.seed })
 }
 
-/// A parameter and what stands behind the `=`.
-fn assignment<'a>(text: &'a str, expected: &str) -> Result<(Parameter, &'a str), Failure> {
-    let wrong = || Failure::usage(format!("`{text}`: expected {expected}"));
-    let (name, value) = text.split_once('=').ok_or_else(wrong)?;
-    Ok((parameter_named(name.trim())?, value))
-}
-
-fn value_of(text: &str, whole: &str) -> Result<f64, Failure> {
-    text.trim().parse().map_err(|_| Failure::usage(format!("`{whole}`: `{text}` is no number")))
-}
-
 fn simulated(common: &Common, options: &Options, rig: &Rig, noise: [f64; 2]) -> Result<Simulated, Failure> {
     let mut parameters = rig.parameters;
     for watch in watched(options, rig)? {
@@ -175,11 +164,8 @@ fn simulated(common: &Common, options: &Options, rig: &Rig, noise: [f64; 2]) -> 
     }
     assignments(&mut parameters, &options.set)?;
     let growths = options.grow.iter().map(|text| {
-        let expected = "NAME=VALUE@SECONDS, such as bkl=2e-4@4";
-        let (parameter, rest) = assignment(text, expected)?;
-        let (value, start) =
-            rest.split_once('@').ok_or_else(|| Failure::usage(format!("`{text}`: expected {expected}")))?;
-        let (value, start) = (value_of(value, text)?, value_of(start, text)?);
+        let growth = Assignment::new(text, "NAME=VALUE@SECONDS, such as bkl=2e-4@4")?;
+        let (parameter, [value, start]) = (growth.parameter()?, growth.two_numbers("@")?);
         set(&mut parameters.clone(), parameter, value)?;
         Ok(Growth { parameter, value, start })
     });
@@ -198,12 +184,9 @@ fn simulated(common: &Common, options: &Options, rig: &Rig, noise: [f64; 2]) -> 
 
 fn watched(options: &Options, rig: &Rig) -> Result<[Fault; FAULTS], Failure> {
     let faults = options.watch.iter().map(|text| {
-        let expected = "NAME=HEALTHY..ALARM, such as bkl=1e-4..2e-4";
-        let (parameter, levels) = assignment(text, expected)?;
-        let (healthy, alarm) = levels
-            .split_once("..")
-            .ok_or_else(|| Failure::usage(format!("`{text}`: expected {expected}")))?;
-        let (healthy, alarm) = (value_of(healthy, text)? as f32, value_of(alarm, text)? as f32);
+        let watch = Assignment::new(text, "NAME=HEALTHY..ALARM, such as bkl=1e-4..2e-4")?;
+        let parameter = watch.parameter()?;
+        let [healthy, alarm] = watch.two_numbers("..")?.map(|level| level as f32);
         let info = parameter.info();
         let declared = rig.faults.iter().find(|range| range.parameter == parameter);
         let (lower, upper) = declared.map_or((info.lower, info.upper), |range| (range.lower, range.upper));

@@ -1,5 +1,6 @@
 //! The verbs of the program, one file each.
 
+mod assignment;
 pub mod budget;
 pub mod calibrate;
 pub mod check;
@@ -25,9 +26,10 @@ use crate::inspect::setup;
 use crate::interrupt;
 use crate::output::{self, Time, plain};
 use crate::record::{self, Loaded, Mapping, Problem, ReadOptions, Record, RecordError};
-use crate::rig::{BUILT_IN, Range, Rig, parameter_named};
+use crate::rig::{BUILT_IN, Range, Rig};
 use crate::table_file::table_path;
 use crate::trace::{TRACE_FILE, Trace};
+use assignment::Assignment;
 use clap::Args;
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::identify::StopReason;
@@ -223,13 +225,10 @@ fn rig(common: &Common, default: &str) -> Result<Rig, Failure> {
 
 /// Sets parameters from texts such as `fdj=800`.
 fn assignments(parameters: &mut Parameters<f64>, texts: &[String]) -> Result<(), Failure> {
-    for text in texts {
-        let wrong = || Failure::usage(format!("`{text}`: expected NAME=VALUE, such as fdj=800"));
-        let (name, value) = text.split_once('=').ok_or_else(wrong)?;
-        let parameter = parameter_named(name.trim())?;
-        set(parameters, parameter, value.trim().parse().map_err(|_| wrong())?)?;
-    }
-    Ok(())
+    texts.iter().try_for_each(|text| {
+        let (parameter, value) = Assignment::of_parameter(text)?;
+        set(parameters, parameter, value)
+    })
 }
 
 /// Sets a parameter after a check of its range.
@@ -259,12 +258,9 @@ fn check_value(parameter: Parameter, value: f64) -> Result<(), Failure> {
 fn with_bounds(ranges: &[Range], bounds: &[String]) -> Result<Vec<Range>, Failure> {
     let mut ranges = ranges.to_vec();
     for text in bounds {
-        let wrong =
-            || Failure::usage(format!("bounds `{text}`: expected NAME=LOW..HIGH, such as bkl=0..2e-3"));
-        let (name, limits) = text.split_once('=').ok_or_else(wrong)?;
-        let (lower, upper) = limits.split_once("..").ok_or_else(wrong)?;
-        let number = |text: &str| text.trim().parse::<f64>().map_err(|_| wrong());
-        let range = Range::new(parameter_named(name.trim())?, number(lower)?, number(upper)?)?;
+        let bounds = Assignment::new(text, "NAME=LOW..HIGH, such as bkl=0..2e-3")?;
+        let [lower, upper] = bounds.two_numbers("..")?;
+        let range = Range::new(bounds.parameter()?, lower, upper)?;
         match ranges.iter_mut().find(|known| known.parameter == range.parameter) {
             Some(known) => *known = range,
             None => ranges.push(range),

@@ -1,10 +1,10 @@
 //! Printouts that users of the source know: its fault-parameter check, and the log of a search.
 
+use super::assignment::Assignment;
 use super::check_value;
 use crate::failure::Failure;
 use crate::fit::{Estimate, Fit, Visit};
 use crate::output::{self, quantity};
-use crate::rig::parameter_named;
 use crate::thesis::error_percent;
 use comfy_table::Table;
 use eha_monitor::parameter::Parameter;
@@ -20,10 +20,7 @@ impl Truth {
     /// Usage: no such parameter, one that is given twice, not a number, or none that the parameter can have.
     pub(super) fn parse(texts: &[String]) -> Result<Self, Failure> {
         let one = |text: &String| -> Result<(Parameter, f64), Failure> {
-            let wrong = || Failure::usage(format!("`{text}`: expected NAME=VALUE, such as fdj=800"));
-            let (name, value) = text.split_once('=').ok_or_else(wrong)?;
-            let (parameter, value) =
-                (parameter_named(name.trim())?, value.trim().parse().map_err(|_| wrong())?);
+            let (parameter, value) = Assignment::of_parameter(text)?;
             check_value(parameter, value)?;
             Ok((parameter, value))
         };

@@ -1,5 +1,6 @@
 //! `simulate`: a record from the HF or the LF model.
 
+use super::assignment::Assignment;
 use super::files::Files;
 use super::{assignments, check_delay, set};
 use crate::cli::Common;
@@ -7,12 +8,11 @@ use crate::failure::Failure;
 use crate::output;
 use crate::plant::{self, Excitation, Sensing};
 use crate::record::{Record, read_csv};
-use crate::rig::{Rig, channel_named, unknown};
+use crate::rig::{Rig, channel_named, effect_named, unknown};
 use crate::table_file::table_path_or_stdout;
 use clap::ValueEnum;
 use eha_monitor::channel::{Channel, ChannelRole};
 use eha_monitor::command::{COMMANDS, Command, CommandInfo, cosine_of_turns, sine_of_turns};
-use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::model::Drive;
 use serde_json::{Map, Value, json};
 use std::fmt::Write as _;
@@ -122,21 +122,20 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     }
     assignments(&mut rig.parameters, &options.set)?;
     for text in &options.effects {
-        let (name, values) = assignment(text)?;
-        let Some(effect) = EffectInfo::named(name) else {
-            return Err(Failure::usage(unknown("effect", name, EFFECTS.iter().map(|entry| entry.name))));
-        };
-        let values: Vec<&str> = values.split(',').collect();
+        let sizes = Assignment::new(text, "NAME=VALUE[,VALUE], such as step-load=300,0.4")?;
+        let effect = effect_named(sizes.name)?;
+        let values: Vec<&str> = sizes.value.split(',').collect();
         if values.len() > effect.parameters.len() {
             let names: Vec<&str> = effect.parameters.iter().map(|parameter| parameter.info().name).collect();
             return Err(Failure::usage(format!(
-                "effect `{name}`: {} values, expected at most those of {}",
+                "effect `{}`: {} values, expected at most those of {}",
+                effect.name,
                 values.len(),
                 names.join(",")
             )));
         }
         for (&parameter, value) in effect.parameters.iter().zip(values) {
-            set(&mut rig.parameters, parameter, number(text, value)?)?;
+            set(&mut rig.parameters, parameter, sizes.number(value)?)?;
         }
     }
     if !(0.0..1.0).contains(&options.dropout) {
@@ -200,14 +199,6 @@ fn channel_json(list: &[(Channel, f64)]) -> Value {
         .into()
 }
 
-fn assignment(text: &str) -> Result<(&str, &str), Failure> {
-    text.split_once('=').ok_or_else(|| Failure::usage(format!("`{text}`: expected NAME=VALUE")))
-}
-
-fn number(context: &str, text: &str) -> Result<f64, Failure> {
-    text.trim().parse().map_err(|_| Failure::usage(format!("`{context}`: `{text}` is not a number")))
-}
-
 fn positive(name: &str, value: f64) -> Result<f64, Failure> {
     if value.is_finite() && value > 0.0 {
         Ok(value)
@@ -238,12 +229,12 @@ fn step(asked: f64, excitation: &Excitation) -> Result<f64, Failure> {
 fn channel_values(list: &[String]) -> Result<Vec<(Channel, f64)>, Failure> {
     list.iter()
         .map(|text| {
-            let (column, value) = assignment(text)?;
-            let value = number(text, value)?;
+            let of_channel = Assignment::new(text, "CHANNEL=VALUE, such as lvdt_m=5e-6")?;
+            let value = of_channel.number(of_channel.value)?;
             if !value.is_finite() || value < 0.0 {
                 return Err(Failure::usage(format!("`{text}`: expected a number that is not negative")));
             }
-            Ok((measured(column)?, value))
+            Ok((measured(of_channel.name)?, value))
         })
         .collect()
 }
