@@ -207,7 +207,7 @@ impl Session {
         BuildOptions::for_machine(machine).with(Binary::Monitor, &all)
     }
 
-    /// Everything that is sent, as it arrives.
+    /// Everything that is sent, as it arrives, but for what [`idle`](Self::idle) adds.
     fn pieces(&self) -> Result<(Vec<Piece>, Injected), Failure> {
         let mut damage = Damage::new(self.damage, self.seed);
         let too_long =
@@ -231,17 +231,60 @@ impl Session {
         Ok((pieces, damage.injected()))
     }
 
+    /// Samples of which the monitor sees nothing but their command, to work on while it waits: as many as still fit into the
+    /// window that the last ones began. None where the line damages what is sent, so that the window may be any.
+    fn idle(&self) -> Vec<Piece> {
+        let sent = self.samples.len();
+        let Some([command, ..]) = self.samples.last().filter(|_| self.damage == 0.0) else {
+            return Vec::new();
+        };
+        let ticks: Vec<usize> = (sent..(sent / WINDOW + 1) * WINDOW - 1).collect();
+        let frame_of = |ticks: &[usize]| {
+            let samples = ticks.iter().map(|_| [*command, f32::NAN, f32::NAN]).collect();
+            let mut frame = [0; LONGEST];
+            let bytes = encode(&ToMonitor::Samples(ticks[0] as u32, samples), &mut frame)?.to_vec();
+            Some(Piece { bytes, due: ticks[0] + ticks.len() })
+        };
+        ticks.chunks(SAMPLES).filter_map(frame_of).collect()
+    }
+
+    /// What a station on this host answers to the same bytes. Where the last window is not done with by then, idle samples
+    /// are added to what is sent.
+    fn answer_of_twin(&self, pieces: &mut Vec<Piece>) -> Vec<u8> {
+        match self.image() {
+            Image::Plain => self.answer_of(PlainSteps::<SLOTS>::new(), pieces),
+            Image::AnyRig => self.answer_of(any_steps::<SLOTS>(), pieces),
+        }
+    }
+
+    fn answer_of(&self, steps: impl Stepper<f32>, pieces: &mut Vec<Piece>) -> Vec<u8> {
+        let mut station = Box::new(Station::<_, WINDOW, POPULATION>::new(steps));
+        let mut answer = Vec::new();
+        for piece in &*pieces {
+            receive(&mut station, piece, &mut answer);
+        }
+        // A monitor keeps a sample back until it knows the next one: the last window may be full but for that.
+        let mut is_kept_back = self.samples.len().is_multiple_of(WINDOW);
+        for piece in self.idle() {
+            let counters = station.monitor().counters();
+            if counters.windows <= counters.skipped + messages(&answer).len() as u32 && !is_kept_back {
+                break;
+            }
+            is_kept_back = false;
+            receive(&mut station, &piece, &mut answer);
+            pieces.push(piece);
+        }
+        answer
+    }
+
     /// Sends everything over a line; `show` gets each report of the firmware as it comes.
     ///
     /// # Errors
     /// The rig is refused, or the line fails.
     pub fn run(&self, mut line: Line, mut show: impl FnMut(&ReportMessage)) -> Result<Outcome, Failure> {
         self.check()?;
-        let (pieces, injected) = self.pieces()?;
-        let expected = match self.image() {
-            Image::Plain => answer_of_twin(PlainSteps::<SLOTS>::new(), &pieces),
-            Image::AnyRig => answer_of_twin(any_steps::<SLOTS>(), &pieces),
-        };
+        let (mut pieces, injected) = self.pieces()?;
+        let expected = self.answer_of_twin(&mut pieces);
         let twin = messages(&expected);
         let (sender, receiver) = mpsc::channel::<Vec<u8>>();
         let mut reader = std::mem::replace(&mut line.reader, Box::new(std::io::empty()));
@@ -305,14 +348,15 @@ impl Session {
     }
 }
 
-/// What a station on this host answers to the same bytes.
-fn answer_of_twin(steps: impl Stepper<f32>, pieces: &[Piece]) -> Vec<u8> {
-    let mut twin = Box::new(Station::<_, WINDOW, POPULATION>::new(steps));
-    let mut answer = Vec::new();
-    for &byte in pieces.iter().flat_map(|piece| &piece.bytes) {
-        twin.receive(byte, &mut |bytes| answer.extend_from_slice(bytes));
+/// What a station answers to a piece.
+fn receive(
+    station: &mut Station<impl Stepper<f32>, WINDOW, POPULATION>,
+    piece: &Piece,
+    answer: &mut Vec<u8>,
+) {
+    for &byte in &piece.bytes {
+        station.receive(byte, &mut |bytes| answer.extend_from_slice(bytes));
     }
-    answer
 }
 
 /// The reports in an answer.
@@ -323,4 +367,31 @@ fn messages(answer: &[u8]) -> Vec<ReportMessage> {
         _ => None,
     });
     reports.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The reports of the first samples of the reference flight, and how many idle samples were sent for them.
+    fn reports_of(samples: usize, damage: f64) -> (usize, usize) {
+        let mut session = Session { damage, ..Session::reference(Image::Plain).expect("a rig") };
+        session.samples.truncate(samples);
+        let (mut pieces, _) = session.pieces().expect("messages");
+        let before = pieces.len();
+        let answer = session.answer_of_twin(&mut pieces);
+        (messages(&answer).len(), pieces.len() - before)
+    }
+
+    #[test]
+    fn the_last_window_that_is_full_is_reported() {
+        let (reports, idle) = reports_of(1001, 0.0);
+        assert_eq!(reports, 1);
+        assert!((1..100).contains(&idle), "{idle}");
+        assert_eq!(reports_of(2000, 0.0).0, 2);
+        // The controls: none that is full, none that is left, and a line of which nobody knows what comes through.
+        assert_eq!(reports_of(999, 0.0), (0, 0));
+        assert_eq!(reports_of(1900, 0.0), (1, 0));
+        assert_eq!(reports_of(1001, 1e-12), (0, 0));
+    }
 }

@@ -242,13 +242,10 @@ fn summary(session: &Session, outcome: &Outcome) -> String {
         outcome.reports.len(),
         if outcome.is_identical { "gives the same bytes" } else { "DIFFERS" }
     );
-    if outcome.twin.is_empty() {
-        let _ = write!(
-            text,
-            "\nno report: {} were sent, and a window, which is reported when it is whole, takes {}",
-            counted(session.samples.len(), "sample"),
-            counted(WINDOW, "sample")
-        );
+    if outcome.twin.is_empty()
+        && let Some(FromMonitor::Status { monitor, .. }) = outcome.status
+    {
+        let _ = write!(text, "\nno report: {}", why_none(session.samples.len(), monitor));
     }
     let injected = outcome.injected;
     let _ = write!(
@@ -274,6 +271,25 @@ fn summary(session: &Session, outcome: &Outcome) -> String {
         }
     }
     text
+}
+
+/// Why a monitor that has counted samples, windows and skipped windows reports none.
+fn why_none(sent: usize, [samples, windows, skipped]: [u32; 3]) -> String {
+    let [sent, received] = [sent, samples as usize].map(|count| counted(count, "sample"));
+    if samples == 0 {
+        format!("of {sent} none was received")
+    } else if windows == 0 {
+        format!(
+            "{sent} sent, {received} received, and a window, which is reported when it is whole, takes {WINDOW}"
+        )
+    } else {
+        let skipped = if skipped == 0 { String::new() } else { format!("; {skipped} of them skipped") };
+        format!(
+            "the analysis of the last window was not finished when the samples ended ({} filled{skipped}): send more \
+             of them",
+            counted(windows as usize, "window")
+        )
+    }
 }
 
 fn report_json(config: &Config<FAULTS>, report: &ReportMessage) -> Value {
@@ -359,4 +375,19 @@ fn json_of(
         "seed": common.seed,
         "config": config_json(common, options, rig),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_reason_for_no_report_is_named() {
+        assert_eq!(why_none(5000, [0, 0, 0]), "of 5000 samples none was received");
+        let short = why_none(1200, [900, 0, 0]);
+        assert!(short.starts_with("1200 samples sent, 900 samples received, and a window"), "{short}");
+        let busy = why_none(2501, [2501, 2, 1]);
+        assert!(busy.starts_with("the analysis of the last window was not finished"), "{busy}");
+        assert!(busy.contains("2 windows filled; 1 of them skipped"), "{busy}");
+    }
 }

@@ -205,7 +205,7 @@ pub struct FitOptions {
     bounds: Vec<String>,
     /// Members of the population of the genetic algorithm.
     #[arg(long, default_value_t = FitSettings::default().population, allow_negative_numbers = true,
-          value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(4..=fit::MAX_POPULATION as u64))]
+          value_parser = clap::builder::RangedI64ValueParser::<usize>::new().range(4..=i64::from(fit::MAX_POPULATION as u32)))]
     population: usize,
     /// Most evaluations of the model in one search; what is begun is ended. Records that are not explained are searched in
     /// each reading that the rig leaves open, and then from more seeds, each with this budget.

@@ -1,5 +1,5 @@
 //! Where the names of the columns are, in a text file whose first row has none: behind lines of the logger's own, in a
-//! comment, as NumPy writes them, or between blanks.
+//! comment, as `numpy.savetxt` writes them, or between blanks.
 
 use std::borrow::Cow;
 

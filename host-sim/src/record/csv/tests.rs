@@ -401,7 +401,7 @@ fn messages_list_a_few_names_that_can_be_printed() {
         "{found}"
     );
     // Ten are all listed, in their order.
-    let ten = text(&format!("t_s;command_m;foo;{}", many[..7].join(";")), |row| plain(row));
+    let ten = text(&format!("t_s;command_m;foo;{}", many[..7].join(";")), plain);
     assert!(message(&ten, &[], None).contains("`ch5`, `ch6`; map one"), "{}", message(&ten, &[], None));
     // A file of one long line, and one with bytes that cannot be printed.
     let json = format!("{{{}}}", "\"lvdt\": 1.25e-3 ".repeat(2000));
