@@ -5,7 +5,7 @@ use super::conclusion::{Open, conclude, helped_by_whole, helpful};
 use super::diagnosis::{Diagnosis, Score, Verdict};
 use super::hypothesis::Hypothesis;
 use super::residual;
-use super::search::{self, FirstRound};
+use super::search::{self, ExplainedElsewhere, FirstRound};
 use crate::fit::{self, BETTER_VALLEY, Fit, FitSettings, Polished, Reading, TOLD_APART};
 use crate::rig::{CommandPath, Rig};
 use eha_monitor::effect::EffectInfo;
@@ -119,8 +119,22 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
         }
     }
     let is_one = read.len() == 1;
-    let (here, declared) = read.swap_remove(likeliest);
-    let mut answer = diagnose_from(&here.part([0.0, if is_one { 1.0 } else { 0.6 }], ""), declared, settings);
+    let end = if is_one { 1.0 } else { 0.6 };
+    let (mut here, mut declared) = read.swap_remove(likeliest);
+    let mut others: Vec<&Case<'_>> = read.iter().map(|(there, _)| *there).collect();
+    let mut begin = 0.0;
+    let mut answer = loop {
+        match diagnose_from(&here.part([begin, end], ""), &declared, &others, settings) {
+            Ok(answer) => break answer,
+            Err(ExplainedElsewhere(place)) => {
+                read.push((here, declared));
+                (here, declared) = read.swap_remove(place);
+                // Once: the records are not taken to and fro.
+                others.clear();
+                begin = 0.5 * end;
+            }
+        }
+    };
     let is_unexplained = answer.is_unexplained();
     let Answer { diagnosis, model: best, simple, .. } = &mut answer;
     let scale = best.scale();
@@ -145,7 +159,7 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     if !is_open && !leaves_less(declared.begun(&there), simple, scale) {
         return answer;
     }
-    let other = diagnose_from(&there, declared, settings);
+    let Ok(other) = diagnose_from(&there, &declared, &[], settings) else { return answer };
     if other.is_better_than(&answer, scale) { other } else { answer }
 }
 
@@ -232,16 +246,25 @@ impl Declared {
 
 /// Diagnoses a case whose declared faults are fitted. A model beside which the times of its jumps were fitted is one of
 /// those that are weighed.
-fn diagnose_from(case: &Case<'_>, declared: Declared, settings: &FitSettings) -> Answer {
+///
+/// # Errors
+/// The effects that were found leave noise in one of some other readings, and more here.
+fn diagnose_from(
+    case: &Case<'_>,
+    declared: &Declared,
+    others: &[&Case<'_>],
+    settings: &FitSettings,
+) -> Result<Answer, ExplainedElsewhere> {
     let begun = declared.begun(case).clone();
-    let mut before = declared.fit;
+    let mut before = declared.fit.clone();
     // What is found in excerpts is then fitted to the whole.
     let excerpts = case.excerpts();
     let in_excerpts = excerpts.is_some();
     let searched = case.searched(excerpts.as_deref());
     let known = case.timed.map(|timed| timed.model.clone()).filter(|known| !known.added.is_empty());
     let known = known.map(|model| if in_excerpts { model.refitted(&searched) } else { model });
-    let sound = search::search(&searched, begun, known, settings);
+    let others = if in_excerpts { &[] } else { others };
+    let sound = search::search(&searched, begun, known, others, settings)?;
     let Hypothesis { ranges, train: Polished { values, .. }, .. } = &sound.root;
     let there = fit::misfit(case.rig, ranges, values, case.train());
     if there.chi_square < before.misfit.chi_square - BETTER_VALLEY {
@@ -264,5 +287,5 @@ fn diagnose_from(case: &Case<'_>, declared: Declared, settings: &FitSettings) ->
     };
     let open = Open { named, stand_ins, confounded };
     let diagnosis = conclude(case, before, &whole, &earned, &open);
-    Answer { diagnosis, model: whole, asked: sound.asked, simple: sound.simple }
+    Ok(Answer { diagnosis, model: whole, asked: sound.asked, simple: sound.simple })
 }

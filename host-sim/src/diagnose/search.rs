@@ -110,19 +110,33 @@ fn round(added: usize) -> String {
     format!("trying effects, round {}", added + 1)
 }
 
+/// The place, among other readings of the records, of one in which the effects that were found in this one leave noise.
+pub(super) struct ExplainedElsewhere(pub(super) usize);
+
 /// Grows the model with the declared faults alone by more effects than the first, and drops what does not earn its place.
 /// What is found is weighed against a model that is known already, if there is one.
+///
+/// # Errors
+/// Several effects leave more than noise here, and noise in one of some other readings.
 pub(super) fn search(
     case: &Case<'_>,
     FirstRound { root, grown, .. }: FirstRound,
     known: Option<Hypothesis>,
+    others: &[&Case<'_>],
     settings: &FitSettings,
-) -> Sound {
+) -> Result<Sound, ExplainedElsewhere> {
     let mut growth = Growth { case, tried: known.into_iter().collect() };
     let root = [root];
     let beam = growth.chosen(&root, grown);
     let beam = growth.or_followed(beam, &root, settings, [0.05, 0.1]);
-    growth.run(beam, [0.1, 0.55]);
+    let mut elsewhere = None;
+    growth.run_until(beam, [0.1, 0.55], |best| {
+        elsewhere = explained_elsewhere(best, case, others);
+        elsewhere.is_some()
+    });
+    if let Some(place) = elsewhere {
+        return Err(ExplainedElsewhere(place));
+    }
     growth.look_beside_the_first();
     growth.look_again();
     if case.searches_far {
@@ -151,7 +165,16 @@ pub(super) fn search(
         sound = next;
         sound.find_stand_ins(case, &tried, settings);
     }
-    Sound { simple, ..sound }
+    Ok(Sound { simple, ..sound })
+}
+
+/// Does a model of several effects that leaves more than noise of records leave noise in another reading of them? One effect
+/// may be missing so that another seems to speak for a reading; the records are read by one effect before.
+fn explained_elsewhere(best: &Hypothesis, case: &Case<'_>, others: &[&Case<'_>]) -> Option<usize> {
+    if best.added.len() < 2 || best.leaves_noise(case) {
+        return None;
+    }
+    others.iter().position(|there| best.moved_to(best.train.values.clone(), there).leaves_noise(there))
 }
 
 /// The best of a search that ends as soon as what is left of the fitted records may be noise, and looks for nothing to which
@@ -181,9 +204,12 @@ impl Growth<'_> {
         &mut self,
         mut beam: Vec<Hypothesis>,
         [from, to]: [f64; 2],
-        will_do: impl Fn(&Hypothesis) -> bool,
+        mut will_do: impl FnMut(&Hypothesis) -> bool,
     ) {
-        while !beam.is_empty() && !cheapest(self.tried.iter()).is_some_and(&will_do) && !self.case.is_over() {
+        while !cheapest(self.tried.iter()).is_some_and(&mut will_do)
+            && !beam.is_empty()
+            && !self.case.is_over()
+        {
             let stage = beam[0].added.len();
             if stage >= MOST_EFFECTS {
                 break;
