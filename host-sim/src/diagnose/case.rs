@@ -3,7 +3,7 @@
 use super::candidate::Candidate;
 use super::jumps::Timed;
 use super::progress::Progress;
-use super::residual::{self, MEASURED};
+use super::residual::{self, ChannelResidual, MEASURED};
 use super::search::Rival;
 use crate::fit::{self, Prepared, Reading, Steps};
 use crate::interrupt;
@@ -179,13 +179,17 @@ impl<'a> Case<'a> {
     /// Do predictions of some of them?
     pub(super) fn is_noise_left_of(&self, records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> bool {
         let residuals = residual::of_channels(records, predictions);
-        residuals.iter().enumerate().all(|(channel, residual)| {
-            residual.is_none_or(|residual| {
-                let by_steps = self.steps[channel].map_or(0.0, |steps| steps.error);
-                let error = self.model_error[channel].hypot(by_steps);
-                residual.is_noise(error, self.known_noise[channel], RESIDUAL_LIMIT)
-            })
-        })
+        residuals
+            .iter()
+            .enumerate()
+            .all(|(channel, left)| left.is_none_or(|left| self.is_noise(channel, &left)))
+    }
+
+    /// Is what is left of a channel no more than noise?
+    pub(super) fn is_noise(&self, channel: usize, left: &ChannelResidual) -> bool {
+        let by_steps = self.steps[channel].map_or(0.0, |steps| steps.error);
+        let error = self.model_error[channel].hypot(by_steps);
+        left.is_noise(error, self.known_noise[channel], RESIDUAL_LIMIT)
     }
 }
 

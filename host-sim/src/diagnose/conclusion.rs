@@ -6,6 +6,7 @@ use super::diagnosis::{Diagnosis, Fault, Found, Verdict, position_rms, score};
 use super::hypothesis::Hypothesis;
 use super::residual;
 use super::search::GROWING_SHARE;
+use super::side;
 use super::weighing::Earned;
 use crate::fit::{self, Correlation, Estimate, Fit, Prepared};
 use crate::rig::{Calibration, Rig};
@@ -175,6 +176,7 @@ pub(super) fn conclude(
     // A model of which nothing but the place was told by the held-out records foretells them.
     let is_open = noise_only && !(foretells(&best.rig) && (!earned.is_empty() || foretells(&bare)));
     let left = (!noise_only).then(|| description::describe(case.train(), &predictions)).flatten();
+    let acts = (!noise_only).then(|| side::of(case, &best.rig, &predictions)).flatten();
     let scores = |records: &[Prepared]| [score(&bare, records), score(&best.rig, records)];
     let correlation = Correlation::new(best.ranges.iter().map(|range| range.parameter), &fit.covariance);
     let calibration = Calibration::of(&estimates, &correlation).after(&case.rig.calibration);
@@ -190,6 +192,7 @@ pub(super) fn conclude(
         train: scores(case.train()),
         holdout: (!case.holdout().is_empty()).then(|| scores(case.holdout())),
         left,
+        acts,
         is_open,
         rig: Rig { calibration, ..fit.applied(&best.rig, &best.ranges) },
         foretelling: best.rig.clone(),

@@ -2,6 +2,7 @@
 
 use super::description::Description;
 use super::residual::{self, MEASURED};
+use super::side::Side;
 use crate::fit::{self, Correlation, Estimate, Fit, Prepared};
 use crate::rig::Rig;
 use eha_monitor::effect::EffectInfo;
@@ -116,6 +117,8 @@ pub struct Diagnosis {
     pub predictions: Vec<Vec<Outputs<f64>>>,
     /// What is left, where the verdict is unexplained.
     pub left: Option<Description>,
+    /// Where that acts, if the channels tell.
+    pub acts: Option<Side>,
     /// The records as they were compared: the fitted ones, then those that were held out.
     pub records: Vec<Prepared>,
     /// When the command of each record jumps, s after its first sample, where that was found to be between two samples.

@@ -43,12 +43,14 @@ mod readings;
 pub mod residual;
 mod ripple;
 mod search;
+mod side;
 mod signature;
 mod trade;
 mod weighing;
 
 pub use case::{Case, EFFORT_BOUNDS_S, EFFORT_PER_SECOND};
 pub use diagnosis::{Diagnosis, Early, Fault, Found, Score, Verdict, score};
+pub use side::Side;
 
 use crate::fit::{self, FitSettings, Prepared};
 use crate::interrupt;

@@ -9,7 +9,7 @@ use super::rows::{Row, Rows, Shape};
 use super::scale::{Axis, shown};
 use super::search::search;
 use crate::diagnose::description::Description;
-use crate::diagnose::{Diagnosis, Score, Verdict};
+use crate::diagnose::{Diagnosis, Score, Side, Verdict};
 use crate::fit::{self, Estimate, FitSettings, LoopScore, Prepared};
 use crate::output::effects_in_words;
 use crate::record::Record;
@@ -219,7 +219,7 @@ fn found(case: &Diagnosed<'_>) -> Markup {
         }
         @if !notes.is_empty() { (remarks("Notes", &notes)) }
         @if let Some(left) = &diagnosis.left {
-            (remarks(&left_title(case, left), &left_words(left)))
+            (remarks(&left_title(case, left), &left_words(left, diagnosis.acts)))
         }
     }
 }
@@ -231,7 +231,7 @@ fn left_title(case: &Diagnosed<'_>, left: &Description) -> String {
     }
 }
 
-fn left_words(left: &Description) -> Vec<String> {
+fn left_words(left: &Description, acts: Option<Side>) -> Vec<String> {
     let [from, to] = left.active;
     let mut words = vec![format!("Half of its energy lies between {from:.3} and {to:.3} s.")];
     if let Some((name, correlation)) = left.follows {
@@ -240,6 +240,7 @@ fn left_words(left: &Description) -> Vec<String> {
     if let Some((frequency, share)) = left.tone {
         words.push(format!("{:.0} % of it is a tone at {frequency:.1} Hz.", share * 100.0));
     }
+    words.extend(acts.map(|side| format!("It acts {}.", side.in_words())));
     words
 }
 

@@ -3,7 +3,9 @@
 use super::files::{Files, common_samples};
 use super::{DEFAULT_RIG, InputOptions};
 use crate::cli::Common;
-use crate::diagnose::{Case, Diagnosis, EFFORT_BOUNDS_S, EFFORT_PER_SECOND, Early, Score, Verdict, diagnose};
+use crate::diagnose::{
+    Case, Diagnosis, EFFORT_BOUNDS_S, EFFORT_PER_SECOND, Early, Score, Side, Verdict, diagnose,
+};
 use crate::failure::Failure;
 use crate::fit::{self, Bounds, Estimate, FitSettings, LoopScore, Prepared};
 use crate::interrupt;
@@ -289,6 +291,7 @@ impl Job<'_> {
             "left": diagnosis.left.as_ref().map(|left| json!({
                 "record": self.fitted_name(left.record),
                 "follows": left.follows.map(|(name, correlation)| json!({ "quantity": name, "correlation": correlation })),
+                "acts_on": diagnosis.acts.map(Side::name),
                 "active_s": left.active,
                 "tone": left.tone.map(|(frequency, share)| json!({ "frequency_Hz": frequency, "share": share })),
             })),
@@ -442,8 +445,17 @@ fn next_experiment(job: &Job<'_>, diagnosis: &Diagnosis) -> String {
             "fly a command with more reversals at low amplitude, and one at high velocity: these records do not tell {open}"
         )
     } else if diagnosis.verdict == Verdict::Unexplained {
-        "repeat the same command: what repeats with it is in the actuator, what does not is outside"
-            .to_owned()
+        let repeat =
+            "repeat the same command: what repeats with it is in the actuator, what does not is outside";
+        let is_placed = diagnosis.acts.is_some_and(|side| side != Side::Loop);
+        if is_placed || absent.is_empty() {
+            repeat.to_owned()
+        } else {
+            let absent = absent.join(", ");
+            format!(
+                "measure {absent} as well: they tell whether it acts as a force, in the drive or on the sensor; {repeat}"
+            )
+        }
     } else {
         String::new()
     }

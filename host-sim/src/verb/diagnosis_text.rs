@@ -132,6 +132,9 @@ impl Job<'_> {
                 let _ = write!(text, "; {:.0} % of it is a tone at {frequency:.1} Hz", share * 100.0);
             }
             let _ = writeln!(text);
+            if let Some(side) = diagnosis.acts {
+                let _ = writeln!(text, "it acts {}", side.in_words());
+            }
         }
         for warning in result["warnings"].as_array().into_iter().flatten().filter_map(Value::as_str) {
             let _ = writeln!(text, "note: {warning}");
