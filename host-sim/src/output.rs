@@ -382,12 +382,16 @@ pub fn reading_notes(rig: &Rig) -> Vec<String> {
              position alone",
         ),
     };
-    let spool = rig.has_sticking_spool().then(|| {
+    let spool = rig.has_sticking_spool().then_some(
         "the spool sticks as soon as its driving force is below the breakaway friction, not only when it has fallen to the \
-         sliding friction"
-            .to_owned()
-    });
-    command.map(|how| format!("the command {how}")).into_iter().chain(spool).collect()
+         sliding friction: no fault, but how its friction works",
+    );
+    let command = command.map(|how| format!("the command {how}"));
+    command
+        .into_iter()
+        .chain(spool.map(str::to_owned))
+        .map(|how| format!("the records are read so: {how}"))
+        .collect()
 }
 
 /// The configuration that a result was made with, resolved.

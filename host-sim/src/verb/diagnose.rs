@@ -313,6 +313,11 @@ impl Job<'_> {
             let early = early.in_words();
             warnings.push(format!("{early}: effects that were not tried yet are not ruled out{more}"));
         }
+        if diagnosis.verdict == Verdict::Unexplained && !diagnosis.faults.is_empty() {
+            warnings.push(
+                "something is left that no effect explains: what it does to the faults is not in their intervals".to_owned(),
+            );
+        }
         if diagnosis.holdout.is_none() && !diagnosis.found.is_empty() {
             warnings.push("no held-out record: what was found is not validated".to_owned());
         }
