@@ -45,7 +45,8 @@ pub(crate) fn clippy() -> Result<(), Failure> {
 /// Builds the documentation, of private items too: that is what a newcomer reads.
 pub(crate) fn doc() -> Result<(), Failure> {
     let doc = ["doc", "--locked", "--workspace", "--no-deps", "--document-private-items"];
-    run(cargo().args(doc).env("RUSTDOCFLAGS", "-D warnings"))
+    let with_the_images = ["--features", "eha-monitor/firmware"];
+    run(cargo().args(doc).args(with_the_images).env("RUSTDOCFLAGS", "-D warnings"))
 }
 
 /// Runs every test.
@@ -122,3 +123,4 @@ pub(crate) fn run(command: &mut Command) -> Result<(), Failure> {
         Err(error) => Err(Failure::Start { command: line, error }),
     }
 }
+    cargo.args(["--features", "firmware"]);

@@ -235,6 +235,8 @@ fn cargo(verb: &str, binary: Binary) -> Command {
             "never",
             "--package",
             "eha-monitor",
+            "--features",
+            "firmware",
             "--bin",
             binary.name(),
         ])
