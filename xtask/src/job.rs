@@ -16,6 +16,13 @@ pub(crate) enum Failure {
     },
     /// A command failed, and said why.
     Command(String),
+    /// A command that had to fail for a reason did not, or for another one.
+    NotRefused {
+        /// The command line.
+        command: String,
+        /// What it had to say.
+        reason: &'static str,
+    },
     /// Something is not installed and cannot be installed from here. The text says what to do.
     Missing(String),
 }
@@ -25,6 +32,7 @@ impl fmt::Display for Failure {
         match self {
             Self::Start { command, error } => write!(f, "cannot run `{command}`: {error}"),
             Self::Command(command) => write!(f, "`{command}` failed"),
+            Self::NotRefused { command, reason } => write!(f, "`{command}` did not fail with `{reason}`"),
             Self::Missing(text) => f.write_str(text),
         }
     }
@@ -32,14 +40,16 @@ impl fmt::Display for Failure {
 
 /// Checks the formatting.
 pub(crate) fn fmt() -> Result<(), Failure> {
-    run(cargo().args(["fmt", "--all", "--check"]))
+    run(cargo().args(["fmt", "--all", "--check"]))?;
+    run(cargo_for_integrator("fmt").args(["--all", "--check"]))
 }
 
 /// Lints the workspace for the host, and what goes to the microcontroller for that.
 pub(crate) fn clippy() -> Result<(), Failure> {
     const DENY: [&str; 3] = ["--", "-D", "warnings"];
     run(cargo().args(["clippy", "--locked", "--workspace", "--all-targets", "--all-features"]).args(DENY))?;
-    run(cargo_for_firmware("clippy", &FIRMWARE).arg("--all-features").args(DENY))
+    run(cargo_for_firmware("clippy", &FIRMWARE).arg("--all-features").args(DENY))?;
+    run(cargo_for_integrator("clippy").args(["--locked", "--release"]).args(DENY))
 }
 
 /// Builds the documentation, of private items too: that is what a newcomer reads.
@@ -87,11 +97,35 @@ pub(crate) fn firmware() -> Result<(), Failure> {
     run(cargo_for_firmware("build", &FIRMWARE[..1]).args(["--features", "board-stm32h743"]))
 }
 
+/// Links a firmware that uses the library as its own author writes one. Beside what the library's own images bring it must
+/// not link, or it would show nothing.
+pub(crate) fn integrator() -> Result<(), Failure> {
+    let build = || {
+        let mut cargo = cargo_for_integrator("build");
+        cargo.args(["--locked", "--release"]);
+        cargo
+    };
+    run(&mut build())?;
+    refused(build().args(["--features", "images-of-the-library"]), "_critical_section_1_0_acquire")
+}
+
+/// `cargo VERB` on the firmware of a user of the library: a workspace of its own, with a target of its own.
+fn cargo_for_integrator(verb: &str) -> Command {
+    let mut cargo = cargo();
+    cargo.current_dir(root().join("tests/integrator")).arg(verb);
+    cargo
+}
+
+/// Root of the workspace.
+fn root() -> &'static Path {
+    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
+    package.parent().unwrap_or(package)
+}
+
 /// Cargo, as the one that runs this program, at the root of the workspace.
 fn cargo() -> Command {
-    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    cargo.current_dir(package.parent().unwrap_or(package));
+    cargo.current_dir(root());
     // What serves the next build is of no use to a clone that is built once.
     if env::var_os("CI").is_some() {
         cargo.env("CARGO_INCREMENTAL", "0");
@@ -107,20 +141,44 @@ const FIRMWARE: [&str; 2] = ["firmware", "firmware-monitor"];
 fn cargo_for_firmware(verb: &str, binaries: &[&str]) -> Command {
     let mut cargo = cargo();
     cargo.args([verb, "--locked", "--release", "--package", "eha-monitor", "--target", TARGET]);
+    cargo.args(["--features", "firmware"]);
     cargo.args(binaries.iter().flat_map(|binary| ["--bin", binary]));
     cargo
 }
 
 /// Shows a command and runs it to its end.
 pub(crate) fn run(command: &mut Command) -> Result<(), Failure> {
-    let program = Path::new(command.get_program()).file_name().unwrap_or(command.get_program());
-    let words: Vec<_> = iter::once(program).chain(command.get_args()).map(OsStr::to_string_lossy).collect();
-    let line = words.join(" ");
-    eprintln!("$ {line}");
+    let line = shown(command);
     match command.status() {
         Ok(status) if status.success() => Ok(()),
         Ok(_) => Err(Failure::Command(line)),
         Err(error) => Err(Failure::Start { command: line, error }),
     }
 }
-    cargo.args(["--features", "firmware"]);
+
+/// Shows a command and runs it: it must fail, and say a reason.
+fn refused(command: &mut Command, reason: &'static str) -> Result<(), Failure> {
+    let line = shown(command);
+    match command.output() {
+        Ok(output)
+            if !output.status.success() && String::from_utf8_lossy(&output.stderr).contains(reason) =>
+        {
+            eprintln!("refused, as it must be: {reason}");
+            Ok(())
+        }
+        Ok(output) => {
+            eprint!("{}", String::from_utf8_lossy(&output.stderr));
+            Err(Failure::NotRefused { command: line, reason })
+        }
+        Err(error) => Err(Failure::Start { command: line, error }),
+    }
+}
+
+/// A command as one types it; shows it.
+fn shown(command: &Command) -> String {
+    let program = Path::new(command.get_program()).file_name().unwrap_or(command.get_program());
+    let words: Vec<_> = iter::once(program).chain(command.get_args()).map(OsStr::to_string_lossy).collect();
+    let line = words.join(" ");
+    eprintln!("$ {line}");
+    line
+}

@@ -33,6 +33,8 @@ enum Task {
     Test,
     /// Link the release firmware for every board, panic check included.
     Firmware,
+    /// Link a firmware that uses the library as its own author writes one (`tests/integrator`).
+    Integrator,
     /// Make `docs/confusion.md` anew: what `diagnose` makes of every effect of the catalogue. Some twenty minutes.
     Confusion,
     /// Make `docs/blind.md` anew: what it makes of actuators of which everything is drawn at random. Some thirty minutes.
@@ -52,14 +54,23 @@ impl Task {
     fn run(self) -> Result<(), Failure> {
         match self {
             Self::Setup => setup::run(),
-            Self::Ci => [Self::Setup, Self::Fmt, Self::Clippy, Self::Doc, Self::Test, Self::Firmware]
-                .into_iter()
-                .try_for_each(Self::run),
+            Self::Ci => [
+                Self::Setup,
+                Self::Fmt,
+                Self::Clippy,
+                Self::Doc,
+                Self::Test,
+                Self::Firmware,
+                Self::Integrator,
+            ]
+            .into_iter()
+            .try_for_each(Self::run),
             Self::Fmt => job::fmt(),
             Self::Clippy => job::clippy(),
             Self::Doc => job::doc(),
             Self::Test => job::test(),
             Self::Firmware => job::firmware(),
+            Self::Integrator => job::integrator(),
             Self::Confusion => job::confusion(),
             Self::Blind { cases, records } => job::blind(&cases, records.as_deref()),
             Self::Peers => peers::run(),
