@@ -16,6 +16,7 @@ pub enum ChannelRole {
 /// A column of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
+#[non_exhaustive]
 pub enum Channel {
     /// Time, s.
     Time,
@@ -37,6 +38,7 @@ pub enum Channel {
 
 /// What is known of a [`Channel`].
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct ChannelInfo {
     /// The channel.
     pub channel: Channel,

@@ -7,6 +7,7 @@ use crate::scalar::Real;
 
 /// The shape of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Shape {
     /// Ramp, then two cosines: the source's main test.
     Mixed,
@@ -24,6 +25,7 @@ pub enum Shape {
 
 /// A row of the table of commands.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct CommandInfo {
     /// Name that users type.
     pub name: &'static str,

@@ -8,6 +8,7 @@ use crate::scalar::Real;
 
 /// Where in the loop an effect acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Port {
     /// Between the current and the spool.
     Valve,
@@ -36,6 +37,7 @@ impl Port {
 
 /// An entry of the catalogue.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct EffectInfo {
     /// Name that users type and read.
     pub name: &'static str,

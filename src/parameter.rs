@@ -20,6 +20,7 @@ pub enum Reach {
 
 /// A row of the table of parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct ParameterInfo {
     /// The parameter.
     pub parameter: Parameter,
@@ -53,6 +54,7 @@ macro_rules! parameters {
         /// Names one field of [`Parameters`].
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
         #[repr(u8)]
+        #[non_exhaustive]
         pub enum Parameter {
             $( #[doc = concat!($description, ".")] $variant, )*
         }

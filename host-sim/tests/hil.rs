@@ -262,7 +262,7 @@ fn wrong_options_are_refused() {
         (["--set", "fdj=1e9"], "`fdj` = 1e9: expected 0 to"),
         (["--grow", "bkl=-1@2"], "`bkl` = -1: expected 0 to"),
         (["--watch", "pressure_gain=1e11..2e11"], "give --watch twice"),
-        (["--rig", "force-axis"], "no actuator that is driven by a force"),
+        (["--rig", "force-axis"], "the model is driven by a force"),
     ] {
         let output = Command::new(env!("CARGO_BIN_EXE_host-sim"))
             .arg("hil")

@@ -5,6 +5,8 @@ use crate::model::sensor::Lvdt;
 use crate::model::{Drive, Form, Model};
 use crate::parameter::{Parameter, Parameters, Reach};
 use crate::trial::SensorNoise;
+use core::error::Error;
+use core::fmt;
 
 /// Noise of a position sensor below which the model's own error would count, m.
 const LEAST_USER_NOISE: f32 = 1e-7;
@@ -46,6 +48,7 @@ pub struct Config<const FAULTS: usize> {
 
 /// Why a configuration is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ConfigError {
     /// The sample period is not between 0.1 and 10 ms.
     SamplePeriod,
@@ -66,6 +69,42 @@ pub enum ConfigError {
     /// The monitor's steps cannot take the model.
     Model,
 }
+
+impl fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::SamplePeriod => f.write_str("the sample period is not between 0.1 and 10 ms"),
+            Self::Noise => {
+                f.write_str("the noise of the position is not a positive number, or that of the current")
+            }
+            Self::FalseAlarmRate => f.write_str("the rate of false alarms is not between 0 and 1"),
+            Self::Range(parameter) => {
+                let name = parameter.info().name;
+                write!(
+                    f,
+                    "the healthy value of `{name}` is not below the alarmed one, or they leave its range"
+                )
+            }
+            Self::Reach(parameter) => {
+                let name = parameter.info().name;
+                write!(
+                    f,
+                    "`{name}` cannot be watched: every value of it needs transition matrices of its own"
+                )
+            }
+            Self::Input => {
+                f.write_str("the model is driven by a force, or has a step load: a stream has neither")
+            }
+            Self::Parameter(parameter) => {
+                write!(f, "the value of `{}` is out of its range", parameter.info().name)
+            }
+            Self::Twice(parameter) => write!(f, "`{}` is watched twice", parameter.info().name),
+            Self::Model => f.write_str("the steps of this monitor cannot take the model"),
+        }
+    }
+}
+
+impl Error for ConfigError {}
 
 impl<const FAULTS: usize> Config<FAULTS> {
     /// Chance of a false alarm in a window unless another is stated: one in 12 days of windows of a second.

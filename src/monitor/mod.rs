@@ -59,6 +59,7 @@ const LEAST_PRESENT: u32 = 9;
 
 /// What a call of [`Monitor::poll`] did.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Poll<const FAULTS: usize> {
     /// Samples taken from the queue.
     pub samples: u32,
@@ -70,6 +71,7 @@ pub struct Poll<const FAULTS: usize> {
 
 /// What has happened since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Counters {
     /// Samples that came.
     pub samples: u32,

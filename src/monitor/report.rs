@@ -38,6 +38,7 @@ impl Verdict {
 
 /// What a window says of one fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Estimate {
     /// Value, in the parameter's unit. Where the window is not informative: that of the last one that was.
     pub value: f32,

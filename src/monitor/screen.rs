@@ -19,6 +19,7 @@ const STUCK_COMMAND: f32 = 1e-3;
 
 /// How many samples were excluded, and why.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Exclusions {
     /// Never came: a gap in the ticks.
     pub lost: u32,

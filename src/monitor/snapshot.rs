@@ -12,6 +12,8 @@ use super::slot::Slot;
 use super::window::Window;
 use crate::integrate::Stepper;
 use crate::model::state::State;
+use core::error::Error;
+use core::fmt;
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 
 /// "EHAM".
@@ -23,6 +25,7 @@ const CHECKSUM: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
 /// Why a snapshot is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum SnapshotError {
     /// The buffer is too small for it, or it is cut short.
     Length,
@@ -37,6 +40,21 @@ pub enum SnapshotError {
     /// There is no configuration yet.
     NotConfigured,
 }
+
+impl fmt::Display for SnapshotError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Length => "the buffer is too small for a snapshot, or the snapshot is cut short",
+            Self::Mark => "the bytes are no snapshot",
+            Self::Version => "the snapshot is of another version of the monitor",
+            Self::Checksum => "the snapshot is damaged",
+            Self::Config => "the snapshot is of a monitor with another configuration",
+            Self::NotConfigured => "the monitor has no configuration yet",
+        })
+    }
+}
+
+impl Error for SnapshotError {}
 
 /// Reads or writes one word after the other.
 trait Archive {

@@ -17,7 +17,7 @@ use eha_monitor::link::frame::{Decoder, LONGEST, encode};
 use eha_monitor::link::message::{FAULTS, FromMonitor, ReportMessage, SAMPLES, Setup, ToMonitor};
 use eha_monitor::link::station::{POPULATION, PlainSteps, Station, WINDOW, any_steps};
 use eha_monitor::model::Model;
-use eha_monitor::monitor::config::{Config, ConfigError, Fault};
+use eha_monitor::monitor::config::{Config, Fault};
 use eha_monitor::parameter::Parameter;
 use eha_monitor::trial::SensorNoise;
 use line::Line;
@@ -31,34 +31,6 @@ use stream::{Growth, Simulated};
 const SLOTS: usize = 8;
 /// Steps of the model that the monitor may take for each sample: an eighth of the processor at 480 MHz.
 pub const STEPS_PER_SAMPLE: u16 = 100;
-
-/// Why a monitor refuses what it is told, in words.
-fn refusal(error: ConfigError) -> String {
-    let name = |parameter: Parameter| parameter.info().name;
-    match error {
-        ConfigError::SamplePeriod => "takes a sample every 0.1 to 10 ms".to_owned(),
-        ConfigError::Noise => "needs the noise of the position, and a positive one".to_owned(),
-        ConfigError::FalseAlarmRate => "takes a rate of false alarms between 0 and 1".to_owned(),
-        ConfigError::Range(parameter) => format!(
-            "watches `{}` only within its range, with a healthy value below the alarmed one",
-            name(parameter)
-        ),
-        ConfigError::Reach(parameter) => format!(
-            "cannot watch `{}`: every value of it needs transition matrices of its own",
-            name(parameter)
-        ),
-        ConfigError::Input => {
-            "has a position command and no other input: no actuator that is driven by a force \
-                               (with or without a [controller]), no step load"
-                .to_owned()
-        }
-        ConfigError::Parameter(parameter) => {
-            format!("refuses the value of `{}`, which is out of its range", name(parameter))
-        }
-        ConfigError::Twice(parameter) => format!("watches `{}` once only", name(parameter)),
-        ConfigError::Model => "cannot step the model of this rig".to_owned(),
-    }
-}
 
 /// The images of the firmware's monitor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -190,8 +162,7 @@ impl Session {
     /// # Errors
     /// Usage: it is refused.
     pub fn check(&self) -> Result<(), Failure> {
-        let refused =
-            |error: ConfigError| Failure::usage(format!("the firmware's monitor {}", refusal(error)));
+        let refused = |error| Failure::usage(format!("the firmware's monitor refuses this: {error}"));
         self.config.check().map_err(refused)
     }
 
