@@ -8,11 +8,12 @@ use std::collections::BTreeSet;
 const CONTROL_MACHINE: Machine = Machine::Mps2An386;
 
 /// Figures that have to be there, whatever else is.
-const REQUIRED: [&str; 7] = [
+const REQUIRED: [&str; 8] = [
     "instructions_per_lf_step",
     "instructions_per_generation",
     "instructions_push_worst",
     "instructions_per_identification",
+    "instructions_per_frame",
     "stack_bytes",
     "static_ram_bytes",
     "flash_bytes",
