@@ -1,6 +1,7 @@
 //! What a monitor is told of its actuator, checked once.
 
 use crate::fit::problem::Free;
+use crate::integrate::Stepper;
 use crate::model::sensor::Lvdt;
 use crate::model::{Drive, Form, Model};
 use crate::parameter::{Parameter, Parameters, Reach};
@@ -151,6 +152,15 @@ impl<const FAULTS: usize> Config<FAULTS> {
             }
         }
         Ok(())
+    }
+
+    /// Can steps take the model, whatever the faults? An effect may be absent at one value of its parameter, and curves the
+    /// model or adds a state at every other: at an end of the range, or in the middle of one that goes both ways.
+    ///
+    /// Not inlined: otherwise the stack would hold a model while the rest is done.
+    #[inline(never)]
+    pub fn suits<S: Stepper<f32>>(&self, stepper: &S) -> bool {
+        [0.0, 0.375, 1.0].into_iter().all(|gene| stepper.takes(&self.model(&[gene; FAULTS])))
     }
 
     /// Noise of user position and current, not below the model's own error.

@@ -158,7 +158,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     #[inline(never)]
     pub fn configure(&mut self, config: &Config<FAULTS>) -> Result<(), ConfigError> {
         config.check()?;
-        if !self.can_step(config) {
+        if !config.suits(&self.stepper) {
             return Err(ConfigError::Model);
         }
         self.config = Slot::Full(*config);
@@ -183,12 +183,6 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         self.evidence = [Evidence::NONE; FAULTS];
         self.outbox = Slot::Empty;
         Ok(())
-    }
-
-    /// Can its steps take the model? A function of its own: otherwise the stack would hold a model while the rest is done.
-    #[inline(never)]
-    fn can_step(&self, config: &Config<FAULTS>) -> bool {
-        self.stepper.takes(&config.model(&[0.0; FAULTS]))
     }
 
     /// What it was told of its actuator.

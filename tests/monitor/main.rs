@@ -1,6 +1,7 @@
 //! The streaming monitor on actuators in flight.
 
 mod bytes;
+mod configuration;
 mod detection;
 mod flight;
 mod pacing;

@@ -16,7 +16,6 @@ use eha_monitor::integrate::Stepper;
 use eha_monitor::link::frame::{Decoder, LONGEST, encode};
 use eha_monitor::link::message::{FAULTS, FromMonitor, ReportMessage, SAMPLES, Setup, ToMonitor};
 use eha_monitor::link::station::{POPULATION, PlainSteps, Station, WINDOW, any_steps};
-use eha_monitor::model::Model;
 use eha_monitor::monitor::config::{Config, Fault};
 use eha_monitor::parameter::Parameter;
 use eha_monitor::trial::SensorNoise;
@@ -168,8 +167,7 @@ impl Session {
 
     /// The image of the firmware that its rig needs: the smallest.
     pub fn image(&self) -> Image {
-        let model = Model::new(self.config.form, &self.config.parameters);
-        if PlainSteps::<1>::new().takes(&model) { Image::Plain } else { Image::AnyRig }
+        if self.config.suits(&PlainSteps::<1>::new()) { Image::Plain } else { Image::AnyRig }
     }
 
     /// How that image is built for an emulated board, with further features.

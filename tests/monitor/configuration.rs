@@ -1,0 +1,56 @@
+//! What a monitor can be told of its actuator, and what it refuses.
+
+use crate::flight::{TestMonitor, config, monitor};
+use eha_monitor::fit::problem::Free;
+use eha_monitor::link::station::{AnySteps, any_steps};
+use eha_monitor::model::{Form, Model};
+use eha_monitor::monitor::Monitor;
+use eha_monitor::monitor::config::{Config, ConfigError, Fault};
+use eha_monitor::parameter::{Parameter, Parameters, Reach};
+
+/// The monitor for every rig.
+type AnyMonitor = Monitor<AnySteps<1>, 1000, 2, 20>;
+
+/// A configuration that watches a parameter beside the friction, over a range of it.
+fn watching(parameter: Parameter, [lower, upper]: [f32; 2]) -> Config<2> {
+    let mut config = config();
+    let (healthy, alarm) = (0.4 * lower + 0.6 * upper, 0.2 * lower + 0.8 * upper);
+    config.faults[0] = Fault { free: Free { parameter, lower, upper }, healthy, alarm };
+    config
+}
+
+#[test]
+fn a_fault_that_the_steps_do_not_take_is_refused_wherever_its_effect_is_absent() {
+    let mut plain = monitor();
+    let mut any = Box::new(AnyMonitor::idle(any_steps()));
+    let form = Form::default();
+    let is_plain = |parameters: &Parameters<f32>| {
+        let model = Model::new(form, parameters);
+        model.is_affine() && model.order() == 5
+    };
+    let mut found = 0;
+    for parameter in Parameter::all().filter(|&known| Model::<f32>::reach(form, known) != Reach::Dynamics) {
+        let [lower, upper] = parameter.range::<f32>();
+        let mut present = Parameters::default();
+        present.set(parameter, 0.5 * upper);
+        if is_plain(&present) {
+            continue;
+        }
+        found += 1;
+        let both_ways = [0.5 * lower, 0.5 * upper];
+        for range in [both_ways, [0.0, 0.5 * upper], [lower, 0.0]] {
+            if range[0] >= range[1] || !(range[0] >= lower && range[1] <= upper) {
+                continue;
+            }
+            let config = watching(parameter, range);
+            assert_eq!(plain.configure(&config), Err(ConfigError::Model), "{parameter:?} {range:?}");
+            assert_eq!(any.configure(&config), Ok(()), "{parameter:?} {range:?}");
+        }
+    }
+    // Hysteresis, play of the feedback, metering, Stribeck friction, thinning, cogging (both parts), drag.
+    assert_eq!(found, 8);
+    assert_eq!(plain.configure(&config()), Ok(()));
+    // A range that does not reach the absence of its effect needs other steps all along.
+    let stribeck = watching(Parameter::StribeckVelocity, [1e-3, 0.1]);
+    assert_eq!(TestMonitor::idle(crate::flight::Steps::new()).configure(&stribeck), Err(ConfigError::Model));
+}
