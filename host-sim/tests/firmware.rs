@@ -123,6 +123,16 @@ fn a_reachable_panic_does_not_link() {
 }
 
 #[test]
+fn a_monitor_of_three_faults_links_without_a_panic_and_runs() {
+    for machine in Machine::ALL {
+        let options = BuildOptions::for_machine(machine).with(Binary::Workload, &["three-faults"]);
+        let results = run(machine, &expect(options.build())).results;
+        assert!(results["three_faults.reports"].as_f64() >= 2.0, "{results:?}");
+        assert_eq!(results["three_faults.restored"].as_f64(), 1.0, "{results:?}");
+    }
+}
+
+#[test]
 fn a_fault_ends_the_run_with_its_code() {
     let machine = Machine::Mps2An386;
     let firmware = expect(negative_control(machine, "negative-control-fault").build());

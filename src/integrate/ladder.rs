@@ -13,7 +13,9 @@
 use super::Run;
 use crate::model::Model;
 use crate::model::corridor::{Corridor, WATCHED, Watched};
-use crate::model::state::{FLAPPER, FULL_ORDER, Input, Layout, Mode, RAM, RAM_VELOCITY, SPOOL, State};
+use crate::model::state::{
+    BASE_ORDER, FLAPPER, FULL_ORDER, Input, Layout, Mode, RAM, RAM_VELOCITY, SPOOL, State,
+};
 use crate::scalar::Real;
 
 /// Terms of the series for the shortest step.
@@ -159,6 +161,10 @@ impl<T: Real, L: Ladder<T, N, RUNGS>, const N: usize, const RUNGS: usize, const 
 {
     /// A cache that holds nothing.
     pub(super) const fn new() -> Self {
+        const {
+            assert!(N >= BASE_ORDER && N <= FULL_ORDER, "a model has 5 to 13 states");
+            assert!(SLOTS > 0, "the mode in use takes a slot");
+        };
         Self {
             sample_period: T::ZERO,
             sample_rate: T::ZERO,

@@ -124,7 +124,10 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
 {
     /// A monitor that knows nothing of its actuator yet: it takes no samples.
     pub const fn idle(stepper: S) -> Self {
-        const { assert!(SAMPLES >= 100 && SAMPLES < 1 << 15, "a window has 100 to 32767 samples") };
+        const {
+            assert!(SAMPLES >= 100 && SAMPLES < 1 << 15, "a window has 100 to 32767 samples");
+            assert!(FAULTS > 0, "a monitor watches a fault");
+        };
         Self {
             config: Slot::Empty,
             stepper,

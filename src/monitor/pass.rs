@@ -500,12 +500,19 @@ impl<const GENES: usize> Pass<GENES> {
         for turn in (0..=GENES).rev() {
             let (run, tap) = match turn.checked_sub(1) {
                 None => (&mut self.base, &mut self.sight.base_tap),
-                Some(gene) if with_neighbours => {
-                    let parameter = config.faults[gene].free.parameter;
-                    self.sight.is_own[gene] = Model::<f32>::reach(config.form, parameter) != Reach::Output;
-                    (&mut self.moved[gene], &mut self.sight.moved_taps[gene])
+                Some(gene) => {
+                    let (Some(fault), Some(is_own), Some(run), Some(tap), true) = (
+                        config.faults.get(gene),
+                        self.sight.is_own.get_mut(gene),
+                        self.moved.get_mut(gene),
+                        self.sight.moved_taps.get_mut(gene),
+                        with_neighbours,
+                    ) else {
+                        continue;
+                    };
+                    *is_own = Model::<f32>::reach(config.form, fault.free.parameter) != Reach::Output;
+                    (run, tap)
                 }
-                Some(_) => continue,
             };
             self.model = Slot::Full(config.model(&moved_genes(&self.genes, &self.widths, turn)));
             if let Some(model) = self.model.get() {

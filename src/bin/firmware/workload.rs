@@ -4,6 +4,10 @@
 //! the noise only. In `hf` they come from the high-fidelity equations (metering valve, midpoint rule), and what the
 //! monitor's model leaves out is read as a fault: the estimates come as they are.
 
+#[cfg(feature = "three-faults")]
+#[path = "watch.rs"]
+mod watch;
+
 use crate::Platform;
 use core::{hint::black_box, slice};
 use eha_monitor::{
@@ -56,17 +60,24 @@ type MonitorStepper = Exact<f32, BASE_ORDER, SLOTS>;
 pub(crate) struct Memory {
     samples: Samples<f32, SAMPLES>,
     stepper: MonitorStepper,
+    #[cfg(feature = "three-faults")]
+    watch: watch::Watch,
 }
 
 impl Memory {
     pub(crate) const fn new() -> Self {
-        Self { samples: Samples::new(), stepper: Exact::new() }
+        Self {
+            samples: Samples::new(),
+            stepper: Exact::new(),
+            #[cfg(feature = "three-faults")]
+            watch: watch::NEW,
+        }
     }
 }
 
 /// Runs the workload and reports its results.
 pub(crate) fn run(platform: &mut impl Platform, memory: &mut Memory) {
-    let Memory { samples, stepper } = memory;
+    let Memory { samples, stepper, .. } = memory;
     let Some(command) = CommandInfo::named(COMMAND).map(Command::new) else { return };
     let monitored = Parameters { bkl: FAULTS[0], fdj: FAULTS[1], ..Parameters::default() };
     let lf = Model::new(Form::default(), &monitored);
@@ -83,6 +94,8 @@ pub(crate) fn run(platform: &mut impl Platform, memory: &mut Memory) {
     samples.disturb(&NOISE, NOISE_SEED);
     identify(platform, "hf", samples, stepper);
 
+    #[cfg(feature = "three-faults")]
+    watch::fly(platform, &mut memory.watch);
     #[cfg(feature = "negative-control-panic")]
     platform.result_count("negative_control", "panic", reachable_panic());
     #[cfg(feature = "negative-control-f64")]
