@@ -14,6 +14,9 @@ const LEAST_USER_NOISE: f32 = 1e-7;
 /// Noise of a current below which the model's own error would count, mA.
 const LEAST_CURRENT_NOISE: f32 = 1e-3;
 
+/// Part of a bound by which a value may lie beyond it.
+const ROUNDING: f32 = 1e-6;
+
 /// A fault that is watched.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fault {
@@ -107,6 +110,13 @@ impl fmt::Display for ConfigError {
 
 impl Error for ConfigError {}
 
+/// Is a value in the range of its parameter?
+fn makes_sense(parameter: Parameter, value: f32) -> bool {
+    let [lower, upper] = parameter.range::<f32>();
+    // What single precision makes of a bound may lie beyond it by a few parts in ten million; of zero it makes zero.
+    value >= lower - ROUNDING * lower.abs() && value <= upper + ROUNDING * upper.abs()
+}
+
 impl<const FAULTS: usize> Config<FAULTS> {
     /// Chance of a false alarm in a window unless another is stated: one in 12 days of windows of a second.
     pub const FALSE_ALARM_RATE: f32 = 1e-6;
@@ -129,10 +139,7 @@ impl<const FAULTS: usize> Config<FAULTS> {
             return Err(ConfigError::Input);
         }
         for parameter in Parameter::all() {
-            let (value, [lower, upper]) = (self.parameters.get(parameter), parameter.range::<f32>());
-            // What single precision makes of a bound may lie beyond it.
-            let slack = 1e-6 * (upper - lower);
-            if !(value >= lower - slack && value <= upper + slack) {
+            if !makes_sense(parameter, self.parameters.get(parameter)) {
                 return Err(ConfigError::Parameter(parameter));
             }
         }

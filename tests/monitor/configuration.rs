@@ -54,3 +54,38 @@ fn a_fault_that_the_steps_do_not_take_is_refused_wherever_its_effect_is_absent()
     let stribeck = watching(Parameter::StribeckVelocity, [1e-3, 0.1]);
     assert_eq!(TestMonitor::idle(crate::flight::Steps::new()).configure(&stribeck), Err(ConfigError::Model));
 }
+
+#[test]
+fn a_parameter_just_outside_its_range_is_refused_and_at_its_bounds_it_is_not() {
+    for parameter in Parameter::all() {
+        let refused = |value: f32| {
+            let mut config = config();
+            config.parameters.set(parameter, value);
+            config.check()
+        };
+        let [lower, upper] = parameter.range::<f32>();
+        for (bound, outwards) in [(lower, -1.0), (upper, 1.0)] {
+            let expected = match parameter {
+                // No step load at all.
+                Parameter::StepLoad => ConfigError::Input,
+                _ => ConfigError::Parameter(parameter),
+            };
+            for part in [1e-5, 1e-3, 1.0] {
+                let beyond =
+                    if bound == 0.0 { outwards * 1e-9 * part } else { outwards * bound.abs() * part };
+                assert_eq!(refused(bound + beyond), Err(expected), "{parameter:?} {}", bound + beyond);
+            }
+            // A double-precision bound in single precision, and one that was calculated.
+            let is_out = matches!(parameter, Parameter::StepLoad)
+                || (parameter == Parameter::SensorDelay && outwards > 0.0);
+            if !is_out {
+                for value in [bound, bound * (1.0 + 2.0 * f32::EPSILON), bound * (1.0 - 2.0 * f32::EPSILON)] {
+                    assert_ne!(refused(value), Err(expected), "{parameter:?} {value}");
+                }
+            }
+        }
+        for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            assert!(refused(value).is_err(), "{parameter:?} {value}");
+        }
+    }
+}
