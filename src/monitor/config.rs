@@ -60,11 +60,13 @@ pub enum ConfigError {
     Noise,
     /// The rate of false alarms is not between 0 and 1.
     FalseAlarmRate,
-    /// The range of a fault is empty, or its healthy and alarmed values do not lie in it in this order.
+    /// The range of a fault is empty, or leaves that in which its parameter makes sense, or its healthy and alarmed values do
+    /// not lie in it in this order. A delay of the sensor goes no further than the delay line.
     Range(Parameter),
     /// The parameter of a fault reaches the transition matrices, which would have to be made anew for each candidate.
     Reach(Parameter),
-    /// The model needs an input that a stream does not have: a driving force, or the time of a step load.
+    /// The model needs an input that a stream does not have: a driving force, or the time of a step load, which is no fault
+    /// either.
     Input,
     /// A parameter is not in the range in which it makes sense.
     Parameter(Parameter),
@@ -147,8 +149,16 @@ impl<const FAULTS: usize> Config<FAULTS> {
             return Err(ConfigError::Parameter(Parameter::SensorDelay));
         }
         for Fault { free, healthy, alarm } in &self.faults {
+            let is_step = matches!(free.parameter, Parameter::StepLoad | Parameter::StepLoadTime);
+            if is_step {
+                return Err(ConfigError::Input);
+            }
+            let makes_sense = [free.lower, free.upper].iter().all(|&end| makes_sense(free.parameter, end));
             let inside = |value: f32| value >= free.lower && value <= free.upper;
-            if !(free.lower < free.upper && healthy < alarm && inside(*healthy) && inside(*alarm)) {
+            let is_ordered = free.lower < free.upper && healthy < alarm && inside(*healthy) && inside(*alarm);
+            let is_too_late = free.parameter == Parameter::SensorDelay
+                && free.upper > Lvdt::longest_delay(self.sample_period);
+            if !makes_sense || !is_ordered || is_too_late {
                 return Err(ConfigError::Range(free.parameter));
             }
             if Model::<f32>::reach(self.form, free.parameter) == Reach::Dynamics {

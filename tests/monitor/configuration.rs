@@ -89,3 +89,37 @@ fn a_parameter_just_outside_its_range_is_refused_and_at_its_bounds_it_is_not() {
         }
     }
 }
+
+#[test]
+fn the_range_of_a_fault_is_one_in_which_its_parameter_makes_sense() {
+    let refused = |parameter, range: [f32; 2]| watching(parameter, range).check().err();
+    for parameter in
+        Parameter::all().filter(|&known| Model::<f32>::reach(Form::default(), known) != Reach::Dynamics)
+    {
+        if matches!(parameter, Parameter::StepLoad | Parameter::StepLoadTime) {
+            assert_eq!(refused(parameter, [0.0, 100.0]), Some(ConfigError::Input));
+            continue;
+        }
+        if parameter == Parameter::DryFriction {
+            // It is watched already.
+            continue;
+        }
+        let [lower, upper] = parameter.range::<f32>();
+        let range = Some(ConfigError::Range(parameter));
+        for beyond in [f32::INFINITY, f32::NAN, upper + (upper.abs() * 1e-4).max(1e-9)] {
+            assert_eq!(refused(parameter, [lower, beyond]), range, "{parameter:?} {beyond}");
+        }
+        for beyond in [f32::NEG_INFINITY, f32::NAN, lower - (lower.abs() * 1e-4).max(1e-9)] {
+            assert_eq!(refused(parameter, [beyond, upper]), range, "{parameter:?} {beyond}");
+        }
+        if !matches!(parameter, Parameter::SensorDelay | Parameter::SensorLag) {
+            assert_eq!(refused(parameter, [lower, upper]), None, "{parameter:?}");
+        }
+    }
+    // At 1 kHz the delay line holds 31 ms.
+    assert_eq!(refused(Parameter::SensorDelay, [0.0, 0.031]), None);
+    assert_eq!(
+        refused(Parameter::SensorDelay, [0.0, 0.0315]),
+        Some(ConfigError::Range(Parameter::SensorDelay))
+    );
+}
