@@ -1,5 +1,6 @@
 //! What a monitor is told of its actuator, checked once.
 
+use super::SETTLE;
 use crate::fit::problem::Free;
 use crate::integrate::Stepper;
 use crate::model::sensor::Lvdt;
@@ -14,6 +15,8 @@ const LEAST_USER_NOISE: f32 = 1e-7;
 /// Noise of a current below which the model's own error would count, mA.
 const LEAST_CURRENT_NOISE: f32 = 1e-3;
 
+/// Lags after which a sensor has forgotten all but 5e-5 of where it was: 0.1 um where a ram at 0.2 m/s is 2 mm ahead.
+const LAGS: f32 = 10.0;
 /// Part of a bound by which a value may lie beyond it.
 const ROUNDING: f32 = 1e-6;
 
@@ -74,6 +77,9 @@ pub enum ConfigError {
     Twice(Parameter),
     /// The monitor's steps cannot take the model.
     Model,
+    /// The sensor remembers longer than a window settles, which starts as if it had been at rest: its lag may be 10 ms less
+    /// a tenth of its delay, each at its largest, and less where a window is short.
+    SensorMemory,
 }
 
 impl fmt::Display for ConfigError {
@@ -88,7 +94,7 @@ impl fmt::Display for ConfigError {
                 let name = parameter.info().name;
                 write!(
                     f,
-                    "the healthy value of `{name}` is not below the alarmed one, or they leave its range"
+                    "the healthy value of `{name}` is not below the alarmed one, or they leave its range, or that makes no sense"
                 )
             }
             Self::Reach(parameter) => {
@@ -106,6 +112,9 @@ impl fmt::Display for ConfigError {
             }
             Self::Twice(parameter) => write!(f, "`{}` is watched twice", parameter.info().name),
             Self::Model => f.write_str("the steps of this monitor cannot take the model"),
+            Self::SensorMemory => f.write_str(
+                "`sensor_lag` is more than 10 ms less a tenth of `sensor_delay`, each at its largest: a window does not settle",
+            ),
         }
     }
 }
@@ -168,7 +177,18 @@ impl<const FAULTS: usize> Config<FAULTS> {
                 return Err(ConfigError::Twice(free.parameter));
             }
         }
-        Ok(())
+        if self.forgets_sensor(SETTLE) { Ok(()) } else { Err(ConfigError::SensorMemory) }
+    }
+
+    /// Has the sensor forgotten where it was at the start of a window, a time (s) after it?
+    pub(super) fn forgets_sensor(&self, settle: f32) -> bool {
+        let largest = |parameter| {
+            let fault = self.faults.iter().find(|fault| fault.free.parameter == parameter);
+            fault.map_or(self.parameters.get(parameter), |fault| fault.free.upper)
+        };
+        let (lag, delay) = (largest(Parameter::SensorLag), largest(Parameter::SensorDelay));
+        // Half a sample is what the number of them that settle is rounded by.
+        LAGS * lag + delay <= settle + 0.5 * self.sample_period
     }
 
     /// Can steps take the model, whatever the faults? An effect may be absent at one value of its parameter, and curves the

@@ -15,7 +15,7 @@
 //! turn. So the model's own motion under the last estimate is carried on from the end of one window into the next, the
 //! same for every candidate, and the first 0.1 s of a window is not compared. What is carried depends on commands alone
 //! and not on noise. Where it is missing (the first window, after a gap) the model starts at rest at the first measured
-//! position.
+//! position. The sensor always starts as if it had been at rest; one that remembers longer than this time is refused.
 //!
 //! **What a window must ask.** The offset of each sensor is taken out (see `sums.rs`); the standard errors that the
 //! normal equations then predict say whether the window tells an alarmed fault from a healthy one. They are local: without
@@ -161,6 +161,10 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     #[inline(never)]
     pub fn configure(&mut self, config: &Config<FAULTS>) -> Result<(), ConfigError> {
         config.check()?;
+        let settle = settle_samples::<FAULTS, SAMPLES>(config) as f32 * config.sample_period;
+        if !config.forgets_sensor(settle) {
+            return Err(ConfigError::SensorMemory);
+        }
         if !config.suits(&self.stepper) {
             return Err(ConfigError::Model);
         }

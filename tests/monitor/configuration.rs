@@ -1,11 +1,12 @@
 //! What a monitor can be told of its actuator, and what it refuses.
 
-use crate::flight::{TestMonitor, config, monitor};
+use crate::flight::{Flight, Flown, HEALTHY, TestMonitor, WINDOW, config, feed, monitor};
 use eha_monitor::fit::problem::Free;
 use eha_monitor::link::station::{AnySteps, any_steps};
 use eha_monitor::model::{Form, Model};
 use eha_monitor::monitor::Monitor;
 use eha_monitor::monitor::config::{Config, ConfigError, Fault};
+use eha_monitor::monitor::report::Verdict;
 use eha_monitor::parameter::{Parameter, Parameters, Reach};
 
 /// The monitor for every rig.
@@ -112,7 +113,9 @@ fn the_range_of_a_fault_is_one_in_which_its_parameter_makes_sense() {
         for beyond in [f32::NEG_INFINITY, f32::NAN, lower - (lower.abs() * 1e-4).max(1e-9)] {
             assert_eq!(refused(parameter, [beyond, upper]), range, "{parameter:?} {beyond}");
         }
-        if !matches!(parameter, Parameter::SensorDelay | Parameter::SensorLag) {
+        if parameter == Parameter::SensorLag {
+            assert_eq!(refused(parameter, [lower, upper]), Some(ConfigError::SensorMemory));
+        } else if parameter != Parameter::SensorDelay {
             assert_eq!(refused(parameter, [lower, upper]), None, "{parameter:?}");
         }
     }
@@ -122,4 +125,37 @@ fn the_range_of_a_fault_is_one_in_which_its_parameter_makes_sense() {
         refused(Parameter::SensorDelay, [0.0, 0.0315]),
         Some(ConfigError::Range(Parameter::SensorDelay))
     );
+}
+
+/// A lag that settles within the start of a window changes nothing; a longer one is refused, or every window would be called
+/// inadequate.
+#[test]
+fn a_sensor_lags_no_longer_than_a_window_settles() {
+    let lagging = |lag, delay| {
+        let mut config = config();
+        (config.parameters.sensor_lag, config.parameters.sensor_delay) = (lag, delay);
+        config
+    };
+    for (lag, delay) in [(0.01, 0.0), (6.9e-3, 0.031)] {
+        let config = lagging(lag, delay);
+        let mut monitor = monitor();
+        assert_eq!(monitor.configure(&config), Ok(()));
+        let flown = Flown::lively(3);
+        let mut flight = Flight::of(config.parameters, |sample| flown.at(sample), 4);
+        let mut reports = 0;
+        for _ in 0..6 * WINDOW + 300 {
+            if let Some(report) = feed(&mut monitor, &flight.next(HEALTHY)) {
+                assert_eq!(report.verdict, Verdict::Healthy, "{lag} {delay}: {report:?}");
+                reports += 1;
+            }
+        }
+        assert_eq!(reports, 6);
+    }
+    for (lag, delay) in [(0.0102, 0.0), (0.02, 0.0), (0.0072, 0.031)] {
+        assert_eq!(lagging(lag, delay).check(), Err(ConfigError::SensorMemory), "{lag} {delay}");
+    }
+    // A window of 200 samples settles over 50 of them.
+    let mut short = Box::new(Monitor::<crate::flight::Steps, 200, 2, 20>::idle(crate::flight::Steps::new()));
+    assert_eq!(short.configure(&lagging(0.005, 0.0)), Ok(()));
+    assert_eq!(short.configure(&lagging(0.006, 0.0)), Err(ConfigError::SensorMemory));
 }
