@@ -21,7 +21,7 @@ const STUCK_COMMAND: f32 = 1e-3;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Exclusions {
-    /// Never came: a gap in the ticks.
+    /// Never came: a gap in the ticks, without the samples in it that came with a bad command.
     pub lost: u32,
     /// Came twice, or after a later one.
     pub out_of_order: u32,
@@ -157,6 +157,8 @@ pub(super) struct Screen {
     pub(super) known: u32,
     /// Samples in a row with ticks out of order.
     pub(super) disorder: u32,
+    /// Samples after the newest that had a bad command: they came, but leave a gap.
+    pub(super) unusable: u32,
     /// For user position and current.
     pub(super) still: [Still; 2],
 }
@@ -169,18 +171,20 @@ impl Screen {
         commands: [0.0; 2],
         known: 0,
         disorder: 0,
+        unusable: 0,
         still: [Still::NEW; 2],
     };
 
     /// Looks at a sample. Bounded: at most [`LONGEST_BRIDGE`] samples go to the sink besides it.
     pub(super) fn look(&mut self, sample: &Sample, limits: &Limits, sink: &mut impl Sink) {
-        let mut interrupted = false;
+        let (mut interrupted, mut is_counted) = (false, false);
         let mut gap = 0;
         if let Some(newest) = self.newest.get() {
             let step = sample.tick.wrapping_sub(newest.tick);
             if step == 0 || step > u32::MAX / 2 {
-                self.disorder += 1;
+                self.disorder = self.disorder.saturating_add(1);
                 sink.exclude(1, |counts| &mut counts.out_of_order);
+                is_counted = true;
                 if self.disorder < NEW_COUNT {
                     return;
                 }
@@ -192,11 +196,14 @@ impl Screen {
         }
         let is_in_range = sample.command.abs() <= limits.position;
         if !is_in_range {
-            sink.exclude(1, |counts| &mut counts.bad_command);
+            if !is_counted {
+                self.unusable = self.unusable.saturating_add(1);
+                sink.exclude(1, |counts| &mut counts.bad_command);
+            }
             return;
         }
         self.disorder = 0;
-        sink.exclude(gap, |counts| &mut counts.lost);
+        sink.exclude(gap.saturating_sub(core::mem::take(&mut self.unusable)), |counts| &mut counts.lost);
         let checked = self.checked(sample, limits, sink);
         if interrupted {
             *self = Self { newest: Slot::Full(checked), ..Self::NEW };

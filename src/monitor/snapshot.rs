@@ -180,7 +180,7 @@ fn slot(archive: &mut impl Archive, slot: &mut Slot<Start>) {
 }
 
 fn screen<A: Archive>(archive: &mut A, screen: &mut Screen) {
-    let Screen { newest, before, commands, known, disorder, still } = screen;
+    let Screen { newest, before, commands, known, disorder, unusable, still } = screen;
     let mut waiting = newest.get().copied();
     archive.maybe(&mut waiting, |archive, sample: &mut Screened| {
         archive.word(&mut sample.tick);
@@ -197,6 +197,7 @@ fn screen<A: Archive>(archive: &mut A, screen: &mut Screen) {
     }
     archive.word(known);
     archive.word(disorder);
+    archive.word(unusable);
     for Still { value, count, lowest, highest, stuck } in still {
         for value in [value, lowest, highest] {
             archive.float(value);

@@ -75,6 +75,24 @@ fn values_that_are_none_are_left_out() {
     all_healthy(&reports);
     let exclusions = counters.exclusions;
     assert_eq!([exclusions.not_a_number, exclusions.out_of_range, exclusions.bad_command], counts);
+    assert_eq!(exclusions.total(), counts.iter().sum::<u32>(), "each is counted once: {exclusions:?}");
+}
+
+#[test]
+fn a_bad_command_is_not_lost_as_well() {
+    // Some in a row, beside samples that never came, and over more than is bridged.
+    let (reports, counters) = troubled(5, |number, mut sample| {
+        let lost = number % 700 == 300 || number % 700 == 303;
+        if (number % 700).abs_diff(302) < 2 || (4000..4040).contains(&number) {
+            sample.command = f32::NAN;
+        }
+        (!lost).then_some(sample)
+    });
+    assert!(reports.len() >= 5, "{reports:?}");
+    let exclusions = counters.exclusions;
+    // Seven times two bad commands between two samples that did not come.
+    assert_eq!((exclusions.bad_command, exclusions.lost), (7 * 2 + 40, 7 * 2), "{exclusions:?}");
+    assert_eq!(exclusions.total(), 7 * 4 + 40, "{exclusions:?}");
 }
 
 #[test]
