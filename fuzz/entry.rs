@@ -13,6 +13,7 @@ use eha_monitor::monitor::sample::Sample;
 use eha_monitor::parameter::{Parameter, Parameters};
 use eha_monitor::simulate::Actuator;
 use eha_monitor::trial::SensorNoise;
+use std::sync::OnceLock;
 
 /// Samples of a window, most of which are compared.
 const WINDOW: usize = 300;
@@ -118,8 +119,14 @@ fn feed<S: Stepper<f32>>(monitor: &mut Small<S>, flight: &[[f32; 3]], bytes: &[u
         assert!(poll.steps <= BUDGET);
         assert!(poll.report.as_ref().is_none_or(is_sound), "{:?}", poll.report);
     }
+    settles(monitor, flight, 0);
+}
+
+/// On good samples from a tick on it says sound things, and comes to what a healthy actuator is.
+fn settles<S: Stepper<f32>>(monitor: &mut Small<S>, flight: &[[f32; 3]], first: u32) {
     let mut last = None;
-    for (tick, &[command, user, current]) in (0..).zip(flight.iter().cycle()).take(8 * WINDOW) {
+    let samples = flight.iter().cycle().skip(first as usize % flight.len());
+    for (tick, &[command, user, current]) in (first..).zip(samples).take(8 * WINDOW) {
         monitor.take(&Sample { tick, command, user, current });
         let (_, report) = monitor.work(u32::MAX);
         assert!(report.as_ref().is_none_or(is_sound), "{report:?}");
@@ -133,7 +140,69 @@ fn feed<S: Stepper<f32>>(monitor: &mut Small<S>, flight: &[[f32; 3]], bytes: &[u
     }
 }
 
-/// Restores a monitor from any bytes.
+/// Restores a monitor from any bytes, and from a snapshot of its own in which they stand in places of it.
 pub(crate) fn restore(bytes: &[u8]) {
     assert!(plain().restore(bytes).is_err(), "random bytes with the checksum of a snapshot");
+    let flown = FLOWN.get_or_init(Flown::new);
+    let words = flown.snapshot.len() / 4 - 1;
+    let damage = bytes.chunks_exact(6).map(|chunk| {
+        let (place, word) = chunk.split_at(2);
+        (usize::from(u16::from_le_bytes([place[0], place[1]])) % words, word.try_into().expect("four bytes"))
+    });
+    flown.restore(damage);
+}
+
+/// Words of a snapshot.
+pub(crate) fn words() -> usize {
+    FLOWN.get_or_init(Flown::new).snapshot.len() / 4 - 1
+}
+
+static FLOWN: OnceLock<Flown> = OnceLock::new();
+
+/// A flight, and a monitor's snapshot in the middle of its third window, while the second is analysed.
+struct Flown {
+    flight: Vec<[f32; 3]>,
+    snapshot: Vec<u8>,
+}
+
+impl Flown {
+    const TICKS: u32 = 2 * WINDOW as u32 + 40;
+
+    fn new() -> Self {
+        let flight = flight(&Parameters::default());
+        let mut monitor = plain();
+        for (tick, &[command, user, current]) in (0..Self::TICKS).zip(&flight) {
+            monitor.take(&Sample { tick, command, user, current });
+            let budget = if tick < 2 * WINDOW as u32 { BUDGET } else { 30 };
+            let (_, report) = monitor.work(budget);
+            assert!(report.is_none_or(|report| report.verdict == Verdict::Healthy));
+        }
+        let mut snapshot = vec![0; Small::<PlainSteps<6>>::SNAPSHOT_BYTES];
+        let length = monitor.snapshot(&mut snapshot).expect("room for it");
+        snapshot.truncate(length);
+        Self { flight, snapshot }
+    }
+
+    /// Restores a monitor from the snapshot with words in places of it, under a checksum that is right. Where it is taken,
+    /// the monitor says sound things, and recovers.
+    fn restore(&self, damage: impl Iterator<Item = (usize, [u8; 4])>) {
+        let mut bytes = self.snapshot.clone();
+        let content = bytes.len() - 4;
+        for (place, word) in damage {
+            bytes[4 * place..4 * place + 4].copy_from_slice(&word);
+        }
+        let checksum = crc32(&bytes[..content]);
+        bytes[content..].copy_from_slice(&checksum.to_le_bytes());
+        let mut monitor = plain();
+        if monitor.restore(&bytes).is_ok() {
+            settles(&mut monitor, &self.flight, Self::TICKS);
+        }
+    }
+}
+
+/// The checksum of a snapshot (CRC-32 of ISO-HDLC).
+fn crc32(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0, |crc, &byte| {
+        (0..8).fold(crc ^ u32::from(byte), |crc, _| (crc >> 1) ^ (0xedb8_8320 * (crc & 1)))
+    })
 }

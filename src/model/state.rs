@@ -255,7 +255,7 @@ fn compensated<T: Real>(sum: T, rest: T, change: T) -> (T, T) {
 }
 
 macro_rules! mode {
-    ($(#[$attribute:meta])* { $( $(#[$meaning:meta])* $field:ident, )* }) => {
+    ($(#[$attribute:meta])* { $( $(#[$meaning:meta])* $field:ident $farthest:literal, )* }) => {
         $(#[$attribute])*
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         pub struct Mode { $( $(#[$meaning])* pub $field: i8, )* }
@@ -263,6 +263,8 @@ macro_rules! mode {
         impl Mode {
             /// Every law in its interior.
             pub const INTERIOR: Self = Self { $( $field: 0 ),* };
+            /// How far the pieces of each law go from its middle one.
+            pub(crate) const FARTHEST: [i8; Self::LAWS] = [$( $farthest ),*];
             /// Number of laws.
             pub const LAWS: usize = [$( stringify!($field) ),*].len();
 
@@ -287,31 +289,31 @@ mode! {
     /// in contact, sliding in that direction); `2` and `-2` an end stop.
     {
         /// Current at its limit.
-        current,
+        current 1,
         /// Flapper at its stop (first-order valve: spool at its rate limit).
-        flapper,
+        flapper 1,
         /// First-stage pressure at its limit.
-        first_stage,
+        first_stage 1,
         /// Spool sliding, stuck (0) or at its stop.
-        spool,
+        spool 2,
         /// Net pressure at its limit.
-        pressure,
+        pressure 1,
         /// Jack sliding, stuck (0) or at its stop.
-        jack,
+        jack 2,
         /// Spool outside its dead zone.
-        overlap,
+        overlap 1,
         /// Integrated error at its limit.
-        integral,
+        integral 1,
         /// Contact of the torque motor's hysteresis.
-        hysteresis,
+        hysteresis 1,
         /// Contact of the feedback spring's play.
-        feedback_play,
+        feedback_play 1,
         /// Contact of the backlash where the user position is fed back.
-        user_play,
+        user_play 1,
         /// The step load is on (1) or not yet (0).
-        step_load,
+        step_load 1,
         /// Direction in which what pushes the backlash moves, where the mount gives way.
-        play_input,
+        play_input 1,
     }
 }
 

@@ -1,9 +1,11 @@
 //! What a monitor is told of its actuator, checked once.
 
 use super::SETTLE;
+use super::window::Scale;
 use crate::fit::problem::Free;
 use crate::integrate::Stepper;
 use crate::model::sensor::Lvdt;
+use crate::model::state::{BASE_ORDER, State};
 use crate::model::{Drive, Form, Model};
 use crate::parameter::{Parameter, Parameters, Reach};
 use crate::trial::SensorNoise;
@@ -15,6 +17,10 @@ const LEAST_USER_NOISE: f32 = 1e-7;
 /// Noise of a current below which the model's own error would count, mA.
 const LEAST_CURRENT_NOISE: f32 = 1e-3;
 
+/// A gene at which every effect is present: at no end of its range, nor in the middle.
+const PRESENT: f32 = 0.375;
+/// Largest value of a state, in any of its units: pressures come to 1e9 Pa, nothing else comes near.
+const LARGEST: f32 = 1e10;
 /// Lags after which a sensor has forgotten all but 5e-5 of where it was: 0.1 um where a ram at 0.2 m/s is 2 mm ahead.
 const LAGS: f32 = 10.0;
 /// Part of a bound by which a value may lie beyond it.
@@ -197,7 +203,17 @@ impl<const FAULTS: usize> Config<FAULTS> {
     /// Not inlined: otherwise the stack would hold a model while the rest is done.
     #[inline(never)]
     pub fn suits<S: Stepper<f32>>(&self, stepper: &S) -> bool {
-        [0.0, 0.375, 1.0].into_iter().all(|gene| stepper.takes(&self.model(&[gene; FAULTS])))
+        [0.0, PRESENT, 1.0].into_iter().all(|gene| stepper.takes(&self.model(&[gene; FAULTS])))
+    }
+
+    /// How far each entry of a state may be from zero: a quarter beyond its stop; what no effect moves is zero.
+    #[inline(never)]
+    pub(super) fn bounds(&self) -> State<f32> {
+        let layout = self.model(&[PRESENT; FAULTS]).layout();
+        let moves = |place| place < BASE_ORDER || layout.index(place).is_some();
+        let most = core::array::from_fn(|place| if moves(place) { LARGEST } else { 0.0 });
+        let (ram, spool) = (Scale::of(&self.parameters).reach(), 1.25 * self.parameters.spool_stop);
+        State { ram, spool, ..State::from_array(most) }
     }
 
     /// Noise of user position and current, not below the model's own error.

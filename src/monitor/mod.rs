@@ -293,7 +293,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         let follows = self.filling().follows;
         let first = self.filling().get(0);
         let position = (0..SAMPLES).find_map(|sample| self.filling().get(sample).user(scale));
-        let carried = self.carried.take().filter(|carried| follows && carried.is_sound());
+        let carried = self.carried.take().filter(|_| follows);
         let at_rest =
             || Start::at_rest(&config.model(&self.genes), position.unwrap_or_else(|| first.command(scale)));
         self.start = Slot::Full(carried.unwrap_or_else(at_rest));
@@ -357,7 +357,8 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
             ..self.blank()
         };
         let Some(config) = self.config.get().copied() else { return report };
-        self.carried = Slot::Full(found.end);
+        let bounds = config.bounds();
+        self.carried = Some(found.end).filter(|end| end.is_sound(&bounds)).into();
         let errors = found.standard_errors();
         let widening = found.widening();
         let is_explained = found.is_explained();
@@ -442,6 +443,14 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     fn resume(&mut self) {
         self.has_analysis = false;
         self.has_begun = false;
+        // Each entry of a start has been looked at, but not whether they go together. Without one there is nothing to analyse.
+        if let Some(config) = self.config.get() {
+            let bounds = config.bounds();
+            for place in [&mut self.carried, &mut self.start] {
+                *place = place.take().filter(|start| start.is_sound(&bounds)).into();
+            }
+        }
+        self.is_analysing &= self.start.get().is_some();
         self.outbox = Slot::Empty;
         let window = self.filling();
         window.filled = window.filled.min(SAMPLES as u32 - 1);

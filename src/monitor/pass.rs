@@ -38,8 +38,19 @@ impl Start {
     }
 
     /// A state that an actuator can be in?
-    pub(super) fn is_sound(&self) -> bool {
-        self.state.to_array().iter().all(|value| value.is_finite()) && self.user.is_finite()
+    pub(super) fn is_sound(&self, bounds: &State<f32>) -> bool {
+        let Self { state, mode, user, command } = self;
+        let inside = |value: f32, bound: f32| value.abs() <= bound;
+        // Bounds are a quarter beyond the stops.
+        let stops = |piece: i8, value: f32, bound: f32| {
+            piece.unsigned_abs() < 2 || value * f32::from(piece.signum()) >= 0.75 * bound
+        };
+        state.to_array().into_iter().zip(bounds.to_array()).all(|(value, bound)| inside(value, bound))
+            && [state.ram_rest, state.spool_rest, *user, command.unwrap_or(0.0)]
+                .iter()
+                .all(|&value| inside(value, bounds.ram))
+            && stops(mode.spool, state.spool, bounds.spool)
+            && stops(mode.jack, state.ram, bounds.ram)
     }
 }
 

@@ -4,22 +4,22 @@
 //! One list of fields serves both directions.
 
 use super::Monitor;
-use super::alarm::Evidence;
+use super::alarm::{Evidence, threshold};
 use super::config::Config;
 use super::pass::Start;
 use super::screen::{Exclusions, Screen, Screened, Still};
 use super::slot::Slot;
 use super::window::Window;
 use crate::integrate::Stepper;
-use crate::model::state::State;
+use crate::model::state::{Mode, State};
 use core::error::Error;
 use core::fmt;
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 
 /// "EHAM".
 const MARK: u32 = 0x4d41_4845;
-/// Version of the list of fields.
-const VERSION: u32 = 1;
+/// Version of the list of fields, which a test holds to it.
+const VERSION: u32 = 2;
 
 const CHECKSUM: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
@@ -37,6 +37,8 @@ pub enum SnapshotError {
     Checksum,
     /// It is of a monitor with another configuration.
     Config,
+    /// It says what no monitor can come to.
+    Content,
     /// There is no configuration yet.
     NotConfigured,
 }
@@ -49,6 +51,7 @@ impl fmt::Display for SnapshotError {
             Self::Version => "the snapshot is of another version of the monitor",
             Self::Checksum => "the snapshot is damaged",
             Self::Config => "the snapshot is of a monitor with another configuration",
+            Self::Content => "the snapshot says what no monitor can come to",
             Self::NotConfigured => "the monitor has no configuration yet",
         })
     }
@@ -66,13 +69,29 @@ trait Archive {
         *value = f32::from_bits(bits);
     }
 
+    /// A float that lies in a range.
+    fn within(&mut self, value: &mut f32, _range: [f32; 2]) {
+        self.float(value);
+    }
+
+    /// A float that may be anything.
+    fn any(&mut self, value: &mut f32) {
+        self.float(value);
+    }
+
+    /// A count that is not above a number.
+    fn count(&mut self, value: &mut u32, _most: u32) {
+        self.word(value);
+    }
+
     fn flag(&mut self, value: &mut bool) {
         let mut word = u32::from(*value);
         self.word(&mut word);
         *value = word != 0;
     }
 
-    fn small(&mut self, value: &mut i8) {
+    /// The piece of a law: not farther than a number from its middle one.
+    fn piece(&mut self, value: &mut i8, _most: i8) {
         let mut word = *value as u32;
         self.word(&mut word);
         *value = word as i8;
@@ -112,6 +131,51 @@ impl Archive for Reader<'_> {
             *value = u32::from_le_bytes(*place);
         }
         self.at = self.at.saturating_add(4);
+    }
+}
+
+/// Looks whether what a reader would take over can be, and changes nothing.
+struct Check<'a> {
+    reader: Reader<'a>,
+    is_sound: bool,
+}
+
+impl Check<'_> {
+    fn next(&mut self) -> u32 {
+        let mut word = 0;
+        self.reader.word(&mut word);
+        word
+    }
+}
+
+impl Archive for Check<'_> {
+    fn word(&mut self, _: &mut u32) {
+        self.next();
+    }
+
+    fn float(&mut self, _: &mut f32) {
+        self.is_sound &= f32::from_bits(self.next()).is_finite();
+    }
+
+    fn within(&mut self, _: &mut f32, [lower, upper]: [f32; 2]) {
+        let value = f32::from_bits(self.next());
+        self.is_sound &= value >= lower && value <= upper;
+    }
+
+    fn any(&mut self, _: &mut f32) {
+        self.next();
+    }
+
+    fn count(&mut self, _: &mut u32, most: u32) {
+        self.is_sound &= self.next() <= most;
+    }
+
+    fn flag(&mut self, _: &mut bool) {
+        self.is_sound &= self.next() <= 1;
+    }
+
+    fn piece(&mut self, _: &mut i8, most: i8) {
+        self.is_sound &= self.next().cast_signed().unsigned_abs() <= most.unsigned_abs().into();
     }
 }
 
@@ -159,23 +223,26 @@ fn exclusions(archive: &mut impl Archive, exclusions: &mut Exclusions) {
     }
 }
 
-fn start(archive: &mut impl Archive, start: &mut Start) {
+fn start(archive: &mut impl Archive, start: &mut Start, bounds: &State<f32>) {
     let Start { state, mode, user, command } = start;
     let (mut values, mut rests) = (state.to_array(), [state.ram_rest, state.spool_rest]);
-    for value in values.iter_mut().chain(&mut rests) {
-        archive.float(value);
+    for (value, most) in values.iter_mut().zip(bounds.to_array()) {
+        archive.within(value, [-most, most]);
+    }
+    for value in &mut rests {
+        archive.within(value, [-bounds.ram, bounds.ram]);
     }
     *state = State { ram_rest: rests[0], spool_rest: rests[1], ..State::from_array(values) };
-    for field in mode.fields_mut() {
-        archive.small(field);
+    for (field, most) in mode.fields_mut().into_iter().zip(Mode::FARTHEST) {
+        archive.piece(field, most);
     }
-    archive.float(user);
-    archive.maybe(command, Archive::float);
+    archive.within(user, [-bounds.ram, bounds.ram]);
+    archive.maybe(command, |archive, command| archive.within(command, [-bounds.ram, bounds.ram]));
 }
 
-fn slot(archive: &mut impl Archive, slot: &mut Slot<Start>) {
+fn slot(archive: &mut impl Archive, slot: &mut Slot<Start>, bounds: &State<f32>) {
     let mut content = slot.get().copied();
-    archive.maybe(&mut content, |archive, place| start(archive, place));
+    archive.maybe(&mut content, |archive, place| start(archive, place, bounds));
     *slot = content.into();
 }
 
@@ -195,7 +262,7 @@ fn screen<A: Archive>(archive: &mut A, screen: &mut Screen) {
     for command in commands {
         archive.float(command);
     }
-    archive.word(known);
+    archive.count(known, 2);
     archive.word(disorder);
     archive.word(unusable);
     for Still { value, count, lowest, highest, stuck } in still {
@@ -213,7 +280,7 @@ fn window<const SAMPLES: usize>(archive: &mut impl Archive, window: &mut Window<
             archive.word(word);
         }
     }
-    archive.word(&mut window.filled);
+    archive.count(&mut window.filled, SAMPLES as u32);
     archive.word(&mut window.first_tick);
     archive.flag(&mut window.follows);
     exclusions(archive, &mut window.exclusions);
@@ -254,7 +321,7 @@ where
     /// snapshot is refused.
     ///
     /// # Errors
-    /// The bytes are no snapshot of this version and configuration, or damaged.
+    /// The bytes are no snapshot of this version and configuration, damaged, or none of a monitor's making.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), SnapshotError> {
         let digest = self.digest().ok_or(SnapshotError::NotConfigured)?;
         let (content, checksum) = bytes.split_last_chunk::<4>().ok_or(SnapshotError::Length)?;
@@ -275,10 +342,13 @@ where
         if config != digest {
             return Err(SnapshotError::Config);
         }
-        let mut length = Writer { bytes: &mut [], at: reader.at };
-        self.archive(&mut length);
-        if length.at != content.len() {
+        let mut check = Check { reader: Reader { bytes: content, at: reader.at }, is_sound: true };
+        self.archive(&mut check);
+        if check.reader.at != content.len() {
             return Err(SnapshotError::Length);
+        }
+        if !check.is_sound {
+            return Err(SnapshotError::Content);
         }
         self.archive(&mut reader);
         self.resume();
@@ -296,20 +366,23 @@ where
         }
         archive.flag(&mut self.second_fills);
         screen(archive, &mut self.screen);
+        let none = (0.0, State::default());
+        let (most, bounds) = self.config.get().map_or(none, |config| (threshold(config), config.bounds()));
         for Evidence { sum, alarmed, waiting } in &mut self.evidence {
-            archive.float(sum);
-            archive.float(waiting);
+            archive.within(sum, [0.0, most]);
+            // What it adds is bounded, and no number adds nothing.
+            archive.any(waiting);
             archive.flag(alarmed);
         }
         for gene in &mut self.genes {
-            archive.float(gene);
+            archive.within(gene, [0.0, 1.0]);
         }
         archive.flag(&mut self.has_seeds);
         for gene in self.seeds.iter_mut().flatten() {
-            archive.float(gene);
+            archive.within(gene, [0.0, 1.0]);
         }
-        slot(archive, &mut self.carried);
-        slot(archive, &mut self.start);
+        slot(archive, &mut self.carried, &bounds);
+        slot(archive, &mut self.start, &bounds);
         archive.flag(&mut self.is_analysing);
         for count in
             [&mut self.number, &mut self.analysed, &mut self.latency, &mut self.skipped, &mut self.samples]
@@ -317,5 +390,81 @@ where
             archive.word(count);
         }
         exclusions(archive, &mut self.exclusions);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integrate::exact::Exact;
+    use crate::model::Form;
+    use crate::monitor::config::Fault;
+    use crate::parameter::{Parameter, Parameters};
+    use crate::trial::SensorNoise;
+    extern crate std;
+    use std::boxed::Box;
+    use std::format;
+
+    type Small = Monitor<Exact<f32, 5, 1>, 100, 1, 4>;
+
+    /// Gives every word a value of its own, and notes its kind.
+    struct Number<'a> {
+        next: u32,
+        kinds: crc::Digest<'a, u32, NoTable>,
+    }
+
+    impl Number<'_> {
+        fn take(&mut self, kind: u8) -> u32 {
+            self.kinds.update(&[kind]);
+            self.next += 1;
+            self.next
+        }
+    }
+
+    impl Archive for Number<'_> {
+        fn word(&mut self, value: &mut u32) {
+            *value = self.take(b'w');
+        }
+
+        fn float(&mut self, value: &mut f32) {
+            *value = self.take(b'f') as f32;
+        }
+
+        fn flag(&mut self, value: &mut bool) {
+            self.take(b'b');
+            *value = true;
+        }
+
+        fn piece(&mut self, value: &mut i8, most: i8) {
+            *value = self.take(b'p' + most as u8) as i8;
+        }
+    }
+
+    #[test]
+    fn another_list_of_fields_is_another_version() {
+        let mut monitor = Box::new(Small::idle(Exact::new()));
+        let free = crate::fit::problem::Free { parameter: Parameter::Backlash, lower: 0.0, upper: 1e-3 };
+        let config = Config {
+            form: Form::default(),
+            parameters: Parameters::default(),
+            sample_period: 1e-3,
+            holds_command: false,
+            noise: SensorNoise { user: 5e-6, current: 0.02 },
+            faults: [Fault { free, healthy: 1e-4, alarm: 2e-4 }],
+            false_alarm_rate: 1e-6,
+            seed: 1,
+        };
+        monitor.configure(&config).unwrap();
+        let checksum = CHECKSUM;
+        let mut number = Number { next: 0, kinds: checksum.digest() };
+        monitor.archive(&mut number);
+        // Which field has got which number: a field's name, and its place in the list.
+        let Monitor { windows, screen, evidence, genes, seeds, carried, start, exclusions, .. } = &*monitor;
+        let counts = [monitor.number, monitor.analysed, monitor.latency, monitor.skipped, monitor.samples];
+        let fields = format!(
+            "{windows:?} {screen:?} {evidence:?} {genes:?} {seeds:?} {carried:?} {start:?} {counts:?} {exclusions:?}"
+        );
+        let list = [number.next, number.kinds.finalize(), checksum.checksum(fields.as_bytes())];
+        assert_eq!((VERSION, list), (2, [533, 1_977_489_174, 3_858_637_857]), "raise VERSION, and set these");
     }
 }

@@ -58,3 +58,26 @@ fn no_bytes_are_taken_for_a_snapshot() {
         entry::restore(&bytes(&mut random, length));
     }
 }
+
+#[test]
+fn no_word_of_a_snapshot_can_harm_the_monitor() {
+    let wild = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, -1e9, 1e9, -1.0, 1.0, 0.5, 1e-42];
+    let wild: Vec<u32> =
+        wild.into_iter().map(f32::to_bits).chain([0, 1, 2, 3, u32::MAX, 1 << 31, 299, 300]).collect();
+    let words = entry::words();
+    let mut random = Random::new(4);
+    for place in 0..words {
+        // Of the samples of a window any word is one: a few of them will do.
+        let is_sample = place < words - 260 && !place.is_multiple_of(97);
+        if !is_sample {
+            for word in &wild {
+                let mut bytes = (place as u16).to_le_bytes().to_vec();
+                bytes.extend(word.to_le_bytes());
+                entry::restore(&bytes);
+            }
+        }
+    }
+    for _ in 0..20 {
+        entry::restore(&bytes(&mut random, 6 * 3));
+    }
+}
