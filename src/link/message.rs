@@ -4,7 +4,7 @@ use crate::fit::problem::Free;
 use crate::model::{Drive, Feedback, Form, ValveForm};
 use crate::monitor::config::{Config, Fault};
 use crate::monitor::report::Report;
-use crate::parameter::{PARAMETERS, Parameter, Parameters};
+use crate::parameter::{PARAMETERS, Parameter, ParameterInfo, Parameters};
 use crate::trial::SensorNoise;
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use heapless::Vec;
@@ -14,17 +14,20 @@ use serde::{Deserialize, Serialize};
 const FORMAT: u32 = 3;
 /// What both sides of a line must share: the messages, and the names in the table of parameters, since these are told by
 /// their places in it.
-pub const VERSION: u32 = version();
+pub const VERSION: u32 = version(PARAMETERS);
 
-const fn version() -> u32 {
-    let names = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
-    let mut version = FORMAT;
+const fn version(table: &[ParameterInfo]) -> u32 {
+    let checksum = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
+    let mut names = checksum.digest();
+    names.update(&FORMAT.to_le_bytes());
     let mut row = 0;
-    while row < PARAMETERS.len() {
-        version = version.rotate_left(1) ^ names.checksum(PARAMETERS[row].name.as_bytes());
+    while row < table.len() {
+        names.update(table[row].name.as_bytes());
+        // No name has a zero in it.
+        names.update(&[0]);
         row += 1;
     }
-    version
+    names.finalize()
 }
 
 /// Faults of a monitor behind a line.
@@ -68,7 +71,8 @@ pub struct Setup {
     pub false_alarm_rate: f32,
     /// Seed of the search.
     pub seed: u64,
-    /// Steps of the model that the monitor may take for each sample.
+    /// Steps of the model that the monitor may take for each sample. With fewer than
+    /// [`LONGEST_PIECE`](crate::integrate::LONGEST_PIECE) it would never come to a report: such a setup is refused.
     pub steps_per_sample: u16,
 }
 
@@ -156,7 +160,8 @@ impl Setup {
 #[allow(clippy::large_enum_variant, reason = "nothing is allocated, and one message lives at a time")]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum ToMonitor {
-    /// What the actuator is. The monitor starts anew and answers with [`FromMonitor::Ready`].
+    /// What the actuator is. The monitor starts anew and answers with [`FromMonitor::Ready`]; one that refuses it goes on as
+    /// it was.
     Setup(Setup),
     /// Samples: the tick of the first, and command, m, user position, m, and current, mA, of each.
     Samples(u32, Vec<[f32; 3], SAMPLES>),
@@ -225,4 +230,27 @@ pub enum FromMonitor {
         /// What was excluded, in the order of the fields of [`Exclusions`](crate::monitor::screen::Exclusions).
         exclusions: [u32; 7],
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    extern crate std;
+
+    #[test]
+    fn another_table_is_another_version() {
+        let mut table = PARAMETERS.to_vec();
+        assert_eq!(version(&table), VERSION);
+        for row in 0..table.len() {
+            for other in 0..row {
+                table.swap(row, other);
+                assert_ne!(version(&table), VERSION, "{row} {other}");
+                table.swap(row, other);
+            }
+            let name = core::mem::replace(&mut table[row].name, "another");
+            assert_ne!(version(&table), VERSION, "{name}");
+            table[row].name = name;
+        }
+        assert_ne!(version(&table[1..]), VERSION);
+    }
 }
