@@ -7,4 +7,5 @@ mod flight;
 mod pacing;
 mod restart;
 mod sensors;
+mod station;
 mod verdicts;
