@@ -130,7 +130,7 @@ fn feed<S: Stepper<f32>>(monitor: &mut Small<S>, steps: &Cell<u32>, flight: &[[f
     let mut queue = SampleQueue::<16>::new();
     let (mut inlet, mut outlet) = queue.split();
     for sample in samples(flight, bytes) {
-        inlet.push(sample);
+        assert!(inlet.push(sample), "each is taken at once");
         let poll = monitor.poll(&mut outlet, BUDGET);
         // As the stepper counts them: the monitor's own count is cut to its budget.
         assert!(steps.take() <= BUDGET);

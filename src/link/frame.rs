@@ -46,6 +46,7 @@ impl Decoder {
     }
 
     /// Takes a byte; the message that is complete with it.
+    #[must_use = "a message is handed out once"]
     pub fn take<M: for<'a> Deserialize<'a>>(&mut self, byte: u8) -> Option<M> {
         self.received.bytes = self.received.bytes.wrapping_add(1);
         if byte != 0 {
@@ -131,7 +132,7 @@ mod tests {
             let damaged = receive(&frame[..length], &mut decoder);
             assert_eq!(damaged, None, "a damaged frame is never taken");
             // The next zero ends whatever is left of it.
-            decoder.take::<[u32; 8]>(0);
+            assert_eq!(decoder.take::<[u32; 8]>(0), None);
             assert_eq!(receive(&before[..length], &mut decoder), Some(message));
             assert!(decoder.received().damaged >= 1);
         }

@@ -58,6 +58,7 @@ const SETTLE: f32 = 0.1;
 const LEAST_PRESENT: u32 = 9;
 
 /// What a call of [`Monitor::poll`] did.
+#[must_use = "a report is handed out once"]
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Poll<const FAULTS: usize> {
@@ -233,15 +234,18 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
             self.latency = self.latency.saturating_add(1);
         }
         let scale = Scale::of(&config.parameters);
-        let mut noise = config.believed_noise();
-        noise[1] = if config.noise.current.is_finite() { noise[1] } else { f32::INFINITY };
-        let limits = Limits { position: scale.reach(), current: scale.largest_current(), noise };
+        let limits = Limits {
+            position: scale.reach(),
+            current: scale.largest_current(),
+            noise: config.believed_noise(),
+        };
         let mut screen = self.screen;
         screen.look(sample, &limits, &mut Feed { monitor: self, scale });
         self.screen = screen;
     }
 
     /// Works on by at most `budget` steps of the model: the steps that it took, and what there is to say.
+    #[must_use = "a report is handed out once"]
     #[inline(never)]
     pub fn work(&mut self, budget: u32) -> (u32, Option<Report<FAULTS>>) {
         let mut allowance = budget;

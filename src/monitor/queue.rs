@@ -46,6 +46,7 @@ pub struct Inlet<'a> {
 impl Inlet<'_> {
     /// Hands a sample over, in constant time (at most 150 instructions) and without waiting. A sample that finds no
     /// room is lost and counted; the background sees the gap in the ticks. True if there was room.
+    #[must_use = "a sample that found no room is lost"]
     pub fn push(&mut self, sample: Sample) -> bool {
         let has_room = has_places(self.producer.capacity()) && self.producer.enqueue(sample).is_ok();
         if !has_room {
@@ -65,6 +66,7 @@ pub struct Outlet<'a> {
 
 impl Outlet<'_> {
     /// The oldest sample, if there is one.
+    #[must_use = "a sample that was taken is not in the queue any more"]
     pub fn pop(&mut self) -> Option<Sample> {
         if has_places(self.consumer.capacity()) { self.consumer.dequeue() } else { None }
     }

@@ -141,7 +141,7 @@ fn a_sensor_lags_no_longer_than_a_window_settles() {
         let mut monitor = monitor();
         assert_eq!(monitor.configure(&config), Ok(()));
         let flown = Flown::lively(3);
-        let mut flight = Flight::of(config.parameters, |sample| flown.at(sample), 4);
+        let mut flight = Flight::of(&config.parameters, |sample| flown.at(sample), 4);
         let mut reports = 0;
         for _ in 0..6 * WINDOW + 300 {
             if let Some(report) = feed(&mut monitor, &flight.next(HEALTHY)) {

@@ -115,12 +115,12 @@ pub(crate) struct Flight<C> {
 
 impl<C: Fn(u32) -> f32> Flight<C> {
     pub(crate) fn new(command: C, seed: u64) -> Self {
-        Self::of(Parameters::default(), command, seed)
+        Self::of(&Parameters::default(), command, seed)
     }
 
     /// An actuator with parameters of its own.
-    pub(crate) fn of(parameters: Parameters<f32>, command: C, seed: u64) -> Self {
-        let parameters = Parameters { bkl: HEALTHY[0], fdj: HEALTHY[1], ..parameters };
+    pub(crate) fn of(parameters: &Parameters<f32>, command: C, seed: u64) -> Self {
+        let parameters = Parameters { bkl: HEALTHY[0], fdj: HEALTHY[1], ..*parameters };
         let actuator = Actuator::new(Model::new(Form::default(), &parameters), PERIOD);
         let first = command(0);
         let input = Input { command: first, command_rate: 0.0, force: 0.0 };
