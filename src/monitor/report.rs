@@ -65,7 +65,7 @@ pub struct Report<const FAULTS: usize> {
     pub faults: [Estimate; FAULTS],
     /// Residual of user position, m, and current, mA, rms about its mean; 0 where nothing was compared.
     pub residual_rms: [f32; 2],
-    /// Noise of both as it was stated.
+    /// Noise of both as it is believed: as it was stated, but not below the model's own error, 0.1 um and 1 uA.
     pub noise: [f32; 2],
     /// Mean of the residual of both: the offset of a sensor, or a constant load. Taken out before the fit.
     pub offset: [f32; 2],
@@ -81,6 +81,7 @@ pub struct Report<const FAULTS: usize> {
     pub steps: u32,
     /// Samples that came between the end of the window and this report.
     pub latency_samples: u32,
-    /// Windows that were skipped before this one, since the analysis was still at work.
+    /// Windows that were skipped since the start, because the analysis of another was still at work: also those that were full
+    /// while this one was analysed.
     pub skipped: u32,
 }
