@@ -5,7 +5,7 @@ use super::window::Scale;
 use crate::fit::problem::Free;
 use crate::integrate::Stepper;
 use crate::model::sensor::Lvdt;
-use crate::model::state::{BASE_ORDER, State};
+use crate::model::state::{FULL_ORDER, State};
 use crate::model::{Drive, Form, Model};
 use crate::parameter::{Parameter, Parameters, Reach};
 use crate::trial::SensorNoise;
@@ -21,6 +21,8 @@ const LEAST_CURRENT_NOISE: f32 = 1e-3;
 const PRESENT: f32 = 0.375;
 /// Largest value of a state, in any of its units: pressures come to 1e9 Pa, nothing else comes near.
 const LARGEST: f32 = 1e10;
+/// What may be left of an entry that nothing moves: in metres, far below the noise.
+const RESIDUE: f32 = 1e-6;
 /// Lags after which a sensor has forgotten all but 5e-5 of where it was: 0.1 um where a ram at 0.2 m/s is 2 mm ahead.
 const LAGS: f32 = 10.0;
 /// Part of a bound by which a value may lie beyond it.
@@ -205,21 +207,32 @@ impl<const FAULTS: usize> Config<FAULTS> {
 
     /// Can steps take the model, whatever the faults? An effect may be absent at one value of its parameter, and curves the
     /// model or adds a state at every other: at an end of the range, or in the middle of one that goes both ways.
-    ///
-    /// Not inlined: otherwise the stack would hold a model while the rest is done.
-    #[inline(never)]
+    #[inline]
     pub fn suits<S: Stepper<f32>>(&self, stepper: &S) -> bool {
-        [0.0, PRESENT, 1.0].into_iter().all(|gene| stepper.takes(&self.model(&[gene; FAULTS])))
+        self.suits_at(0.0, stepper) && self.suits_at(PRESENT, stepper) && self.suits_at(1.0, stepper)
     }
 
-    /// How far each entry of a state may be from zero: a quarter beyond its stop; what no effect moves is zero.
+    /// The same where every gene has a value. Not inlined: otherwise the stack would hold a model while the rest is done.
+    #[inline(never)]
+    fn suits_at<S: Stepper<f32>>(&self, gene: f32, stepper: &S) -> bool {
+        stepper.takes(&self.model(&[gene; FAULTS]))
+    }
+
+    /// How far each entry of a state may be from zero: a quarter beyond its stop; base and sag next to nothing where no
+    /// effect moves them, since the model looks at them all the same.
     #[inline(never)]
     pub(super) fn bounds(&self) -> State<f32> {
-        let layout = self.model(&[PRESENT; FAULTS]).layout();
-        let moves = |place| place < BASE_ORDER || layout.index(place).is_some();
-        let most = core::array::from_fn(|place| if moves(place) { LARGEST } else { 0.0 });
-        let (ram, spool) = (Scale::of(&self.parameters).reach(), 1.25 * self.parameters.spool_stop);
-        State { spool, ram, ..State::from_array(most) }
+        let model = self.model(&[PRESENT; FAULTS]);
+        let base = if model.jack.is_mounted() { LARGEST } else { RESIDUE };
+        let sag = if model.parameters().supply_sag == 0.0 { RESIDUE } else { LARGEST };
+        State {
+            spool: 1.25 * self.parameters.spool_stop,
+            ram: Scale::of(&self.parameters).reach(),
+            sag,
+            base,
+            base_velocity: base,
+            ..State::from_array([LARGEST; FULL_ORDER])
+        }
     }
 
     /// Noise of user position and current, not below the model's own error.

@@ -297,7 +297,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         let follows = self.filling().follows;
         let first = self.filling().get(0);
         let position = (0..SAMPLES).find_map(|sample| self.filling().get(sample).user(scale));
-        let carried = self.carried.take().filter(|_| follows);
+        let carried = self.carried.take().filter(|carried| follows && carried.is_finite());
         let at_rest =
             || Start::at_rest(&config.model(&self.genes), position.unwrap_or_else(|| first.command(scale)));
         self.start = Slot::Full(carried.unwrap_or_else(at_rest));
@@ -361,8 +361,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
             ..self.blank()
         };
         let Some(config) = self.config.get().copied() else { return report };
-        let bounds = config.bounds();
-        self.carried = Some(found.end).filter(|end| end.is_sound(&bounds)).into();
+        self.carried = Slot::Full(found.end);
         let errors = found.standard_errors();
         let widening = found.widening();
         let is_explained = found.is_explained();
@@ -447,7 +446,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     fn resume(&mut self) {
         self.has_analysis = false;
         self.has_begun = false;
-        // Each entry of a start has been looked at, but not whether they go together. Without one there is nothing to analyse.
+        // A start that no actuator can have is none, and without one there is nothing to analyse.
         if let Some(config) = self.config.get() {
             let bounds = config.bounds();
             for place in [&mut self.carried, &mut self.start] {

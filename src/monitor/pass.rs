@@ -37,6 +37,11 @@ impl Start {
         Self { state: model.at_rest(ram), mode: model.mode_at_rest(), user: ram, command: None }
     }
 
+    /// Is every entry a number? A model that has run away leaves none.
+    pub(super) fn is_finite(&self) -> bool {
+        self.state.to_array().iter().all(|value| value.is_finite()) && self.user.is_finite()
+    }
+
     /// A state that an actuator can be in?
     pub(super) fn is_sound(&self, bounds: &State<f32>) -> bool {
         let Self { state, mode, user, command } = self;

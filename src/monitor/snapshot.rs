@@ -223,26 +223,24 @@ fn exclusions(archive: &mut impl Archive, exclusions: &mut Exclusions) {
     }
 }
 
-fn start(archive: &mut impl Archive, start: &mut Start, bounds: &State<f32>) {
+/// What is no state of an actuator is dropped after a restore, not refused: a model that runs away leaves some as well.
+fn start(archive: &mut impl Archive, start: &mut Start) {
     let Start { state, mode, user, command } = start;
     let (mut values, mut rests) = (state.to_array(), [state.ram_rest, state.spool_rest]);
-    for (value, most) in values.iter_mut().zip(bounds.to_array()) {
-        archive.within(value, [-most, most]);
-    }
-    for value in &mut rests {
-        archive.within(value, [-bounds.ram, bounds.ram]);
+    for value in values.iter_mut().chain(&mut rests) {
+        archive.any(value);
     }
     *state = State { ram_rest: rests[0], spool_rest: rests[1], ..State::from_array(values) };
     for (field, most) in mode.fields_mut().into_iter().zip(Mode::FARTHEST) {
         archive.piece(field, most);
     }
-    archive.within(user, [-bounds.ram, bounds.ram]);
-    archive.maybe(command, |archive, command| archive.within(command, [-bounds.ram, bounds.ram]));
+    archive.any(user);
+    archive.maybe(command, Archive::float);
 }
 
-fn slot(archive: &mut impl Archive, slot: &mut Slot<Start>, bounds: &State<f32>) {
+fn slot(archive: &mut impl Archive, slot: &mut Slot<Start>) {
     let mut content = slot.get().copied();
-    archive.maybe(&mut content, |archive, place| start(archive, place, bounds));
+    archive.maybe(&mut content, |archive, place| start(archive, place));
     *slot = content.into();
 }
 
@@ -366,8 +364,7 @@ where
         }
         archive.flag(&mut self.second_fills);
         screen(archive, &mut self.screen);
-        let none = (0.0, State::default());
-        let (most, bounds) = self.config.get().map_or(none, |config| (threshold(config), config.bounds()));
+        let most = self.config.get().map_or(0.0, threshold);
         for Evidence { sum, alarmed, waiting } in &mut self.evidence {
             archive.within(sum, [0.0, most]);
             // What it adds is bounded, and no number adds nothing.
@@ -381,8 +378,8 @@ where
         for gene in self.seeds.iter_mut().flatten() {
             archive.within(gene, [0.0, 1.0]);
         }
-        slot(archive, &mut self.carried, &bounds);
-        slot(archive, &mut self.start, &bounds);
+        slot(archive, &mut self.carried);
+        slot(archive, &mut self.start);
         archive.flag(&mut self.is_analysing);
         for count in
             [&mut self.number, &mut self.analysed, &mut self.latency, &mut self.skipped, &mut self.samples]
