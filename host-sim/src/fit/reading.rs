@@ -129,7 +129,7 @@ pub fn fit_as_read(
     for (_, other) in &fitted {
         is_open |= gain_of(&fit.misfit, &other.misfit).abs() <= TOLD_APART && fit.hold(other);
     }
-    let fit = fit.as_known(&reading.rig, ranges, &reading.records);
+    let fit = fit.with_calibration_errors(&reading.rig, ranges, &reading.records);
     AsRead { reading, fit, is_open }
 }
 

@@ -106,7 +106,12 @@ impl Fit {
 
     /// The fit with intervals that hold what the rig's calibrated values are off by as well.
     #[must_use]
-    pub(super) fn as_known(mut self, rig: &Rig, ranges: &[Range], records: &[Prepared]) -> Self {
+    pub(super) fn with_calibration_errors(
+        mut self,
+        rig: &Rig,
+        ranges: &[Range],
+        records: &[Prepared],
+    ) -> Self {
         let values: Vec<f64> = self.estimates.iter().map(|estimate| estimate.value).collect();
         let errors = calibration_errors(rig, ranges, &values, records).unwrap_or_default();
         for ((estimate, range), error) in self.estimates.iter_mut().zip(ranges).zip(errors) {
