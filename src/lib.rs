@@ -46,7 +46,7 @@
 //! let (mut inlet, mut outlet) = queue.split();
 //! for tick in 0..1100 {
 //!     // In the interrupt, a thousand times a second: an actuator that is not asked to move.
-//!     inlet.push(Sample { tick, command: 0.0, user: 0.0, current: 0.0 });
+//!     assert!(inlet.push(Sample { tick, command: 0.0, user: 0.0, current: 0.0 }));
 //!     // In the background: at most 100 steps of the model, then back.
 //!     if let Some(report) = monitor.poll(&mut outlet, 100).report {
 //!         assert_eq!(report.verdict, Verdict::Uninformative);

@@ -68,7 +68,7 @@ fn SysTick() {
     if let Some(inlet) = OWN_INLET {
         let [command, user, current] = hal::conversions();
         // Where the background was too slow the sample is lost, and the gap in the ticks tells it.
-        inlet.push(Sample { tick: *TICK, command, user, current });
+        let _ = inlet.push(Sample { tick: *TICK, command, user, current });
     }
     *TICK = TICK.wrapping_add(1);
 }
