@@ -71,7 +71,7 @@ pub struct Options {
     /// Those left out at the end keep the rig's.
     #[arg(long = "effect", value_name = "NAME=VALUE[,VALUE]")]
     effects: Vec<String>,
-    /// External load on the jack, N: `constant:500`, `ramp:1000` (N/s), `sine:500:2` (amplitude, Hz).
+    /// External load on the jack, N: `constant:500`, `ramp:1000` (N/s), `sine:500:2` (amplitude, Hz), `cosine:500:2`.
     #[arg(long, value_name = "SHAPE:N[:HZ]")]
     load: Option<String>,
     /// Sensor noise (standard deviation) of a channel: `lvdt_m=5e-6`.
