@@ -48,15 +48,25 @@ impl Decoder {
     /// Takes a byte; the message that is complete with it.
     #[must_use = "a message is handed out once"]
     pub fn take<M: for<'a> Deserialize<'a>>(&mut self, byte: u8) -> Option<M> {
+        if self.is_end(byte) { self.message() } else { None }
+    }
+
+    /// Takes a byte: does it end a frame?
+    pub(super) fn is_end(&mut self, byte: u8) -> bool {
         self.received.bytes = self.received.bytes.wrapping_add(1);
-        if byte != 0 {
-            if let Some(place) = self.buffer.get_mut(self.length) {
-                *place = byte;
-            }
-            // One past the end: too long.
-            self.length = (self.length + 1).min(LONGEST + 1);
-            return None;
+        if byte == 0 {
+            return true;
         }
+        if let Some(place) = self.buffer.get_mut(self.length) {
+            *place = byte;
+        }
+        // One past the end: too long.
+        self.length = (self.length + 1).min(LONGEST + 1);
+        false
+    }
+
+    /// The message of the frame that has ended.
+    pub(super) fn message<M: for<'a> Deserialize<'a>>(&mut self) -> Option<M> {
         let length = core::mem::take(&mut self.length);
         if length == 0 {
             return None;
@@ -79,7 +89,8 @@ impl Default for Decoder {
     }
 }
 
-/// The message of a frame without its closing zero.
+/// The message of a frame without its closing zero. Not inlined: its buffer is not needed later.
+#[inline(never)]
 fn decode<M: for<'a> Deserialize<'a>>(frame: &[u8]) -> Option<M> {
     let mut plain = [0; LONGEST];
     let mut decoder = cobs::CobsDecoder::new(&mut plain);

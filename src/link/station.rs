@@ -1,7 +1,7 @@
 //! A monitor that lives behind a line.
 
 use super::frame::{Decoder, LONGEST, Received, encode};
-use super::message::{FAULTS, FromMonitor, ReportMessage, Setup, ToMonitor};
+use super::message::{self, FAULTS, FromMonitor, ReportMessage, Setup, ToMonitor};
 use crate::integrate::collocation::Collocation;
 use crate::integrate::exact::Exact;
 use crate::integrate::{LONGEST_PIECE, Stepper};
@@ -9,6 +9,7 @@ use crate::model::state::{BASE_ORDER, FULL_ORDER};
 use crate::monitor::Monitor;
 use crate::monitor::report::Report;
 use crate::monitor::sample::Sample;
+use heapless::Vec;
 
 /// Samples in a window of the firmware's monitor, and of the host's twin of it: 1 s at 1 kHz.
 pub const WINDOW: usize = 1000;
@@ -34,6 +35,16 @@ pub struct Station<S, const SAMPLES: usize, const POPULATION: usize> {
     steps_per_sample: u32,
 }
 
+/// What is to be done once a frame has ended.
+enum Next {
+    /// To wait for another message.
+    Message,
+    /// To work on samples: the tick of the first, and command, m, user position, m, and current, mA, of each.
+    Samples(u32, Vec<[f32; 3], { message::SAMPLES }>),
+    /// To end the run.
+    End,
+}
+
 impl<S: Stepper<f32>, const SAMPLES: usize, const POPULATION: usize> Station<S, SAMPLES, POPULATION> {
     /// A station that waits for its configuration.
     pub const fn new(stepper: S) -> Self {
@@ -42,29 +53,41 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const POPULATION: usize> Station<S, 
 
     /// Takes a byte from the line, works, and sends what there is to say. False where the other side has ended the run.
     pub fn receive(&mut self, byte: u8, send: &mut impl FnMut(&[u8])) -> bool {
-        let Some(message) = self.decoder.take(byte) else { return true };
+        if !self.decoder.is_end(byte) {
+            return true;
+        }
+        let (first, samples) = match self.answer(send) {
+            Next::Samples(first, samples) => (first, samples),
+            Next::Message => return true,
+            Next::End => return false,
+        };
+        let mut tick = first;
+        for &[command, user, current] in &samples {
+            self.monitor.take(&Sample { tick, command, user, current });
+            tick = tick.wrapping_add(1);
+            let (_, report) = self.monitor.work(self.steps_per_sample);
+            if let Some(report) = report {
+                say(&report, send);
+            }
+        }
+        true
+    }
+
+    /// Answers the message of a frame that has ended, but for samples: those are to be worked on. Not inlined: a message
+    /// would lie on the stack below the whole simulation.
+    #[inline(never)]
+    fn answer(&mut self, send: &mut impl FnMut(&[u8])) -> Next {
+        let Some(message) = self.decoder.message() else { return Next::Message };
         match message {
             ToMonitor::Setup(setup) => {
                 let is_ready = self.set_up(&setup);
                 reply(&FromMonitor::Ready(is_ready), send);
             }
-            ToMonitor::Samples(first, samples) => {
-                let mut tick = first;
-                for &[command, user, current] in &samples {
-                    self.monitor.take(&Sample { tick, command, user, current });
-                    tick = tick.wrapping_add(1);
-                    let (_, report) = self.monitor.work(self.steps_per_sample);
-                    if let Some(report) = report {
-                        say(&report, send);
-                    }
-                }
-            }
-            ToMonitor::Status => {
-                reply(&self.status(), send);
-            }
-            ToMonitor::End => return false,
+            ToMonitor::Samples(first, samples) => return Next::Samples(first, samples),
+            ToMonitor::Status => reply(&self.status(), send),
+            ToMonitor::End => return Next::End,
         }
-        true
+        Next::Message
     }
 
     /// Configures the monitor; true if it can work with that. Not inlined: its stack is not needed later.
@@ -103,7 +126,8 @@ fn say(report: &Report<FAULTS>, send: &mut impl FnMut(&[u8])) {
     reply(&FromMonitor::Report(ReportMessage::of(report)), send);
 }
 
-/// Sends a message.
+/// Sends a message. Not inlined: its frame is not needed before.
+#[inline(never)]
 fn reply(message: &FromMonitor, send: &mut impl FnMut(&[u8])) {
     let mut frame = [0; LONGEST];
     if let Some(bytes) = encode(message, &mut frame) {

@@ -40,7 +40,9 @@ mod window;
 
 pub use snapshot::SnapshotError;
 
+use crate::fit::FRICTION_ERROR;
 use crate::integrate::Stepper;
+use crate::parameter::Parameter;
 use alarm::{Evidence, log_likelihood_ratio, threshold};
 use analysis::{Analysis, Found, resolution};
 use config::{Config, ConfigError};
@@ -169,6 +171,14 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         if !config.suits(&self.stepper) {
             return Err(ConfigError::Model);
         }
+        self.begin(config);
+        Ok(())
+    }
+
+    /// Starts anew with a configuration that it can work with. Not inlined: what it copies would lie on the stack below the
+    /// models that are looked at before.
+    #[inline(never)]
+    fn begin(&mut self, config: &Config<FAULTS>) {
         self.config = Slot::Full(*config);
         self.has_begun = false;
         for window in &mut self.windows {
@@ -190,7 +200,6 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         self.has_seeds = false;
         self.evidence = [Evidence::NONE; FAULTS];
         self.outbox = Slot::Empty;
-        Ok(())
     }
 
     /// What it was told of its actuator.
@@ -319,8 +328,8 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         let window = if self.second_fills { first } else { second };
         let settle = settle_samples::<FAULTS, SAMPLES>(config);
         let scene = Scene { config, scale, window, start, settle };
-        let seed = config.seed ^ u64::from(self.analysed);
         if !self.has_analysis {
+            let seed = config.seed ^ u64::from(self.analysed);
             self.stepper.begin(config.sample_period, false, !self.has_begun);
             self.has_begun = true;
             self.analysis.begin(&scene, &self.genes, seed);
@@ -370,7 +379,12 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         for gene in 0..FAULTS {
             let fault = &config.faults[gene];
             let informative = found.path.reversals > 0 && errors[gene] < resolution(&config, gene);
-            let error = fault.free.range() * errors[gene] * widening;
+            let by_noise = fault.free.range() * errors[gene] * widening;
+            let of_model = match fault.free.parameter {
+                Parameter::DryFriction => const { FRICTION_ERROR as f32 },
+                _ => 0.0,
+            };
+            let error = libm::sqrtf(by_noise * by_noise + of_model * of_model);
             if informative {
                 informs = true;
                 self.genes[gene] = found.genes[gene];

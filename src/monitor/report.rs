@@ -42,7 +42,8 @@ impl Verdict {
 pub struct Estimate {
     /// Value, in the parameter's unit. Where the window is not informative: that of the last one that was.
     pub value: f32,
-    /// Standard error that this window has, or would have, of it; infinite where it says nothing.
+    /// Standard error that this window has, or would have, of it; infinite where it says nothing. That of the dry friction is
+    /// at least [`FRICTION_ERROR`](crate::fit::FRICTION_ERROR).
     pub standard_error: f32,
     /// Does the window tell the alarmed value from the healthy one?
     pub informative: bool,

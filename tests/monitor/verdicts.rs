@@ -2,6 +2,7 @@
 
 use crate::flight::{ALARMED, Flight, Flown, HEALTHY, WINDOW, config, feed, monitor};
 use eha_monitor::command::{Command, CommandInfo};
+use eha_monitor::fit::FRICTION_ERROR;
 use eha_monitor::monitor::config::{Config, ConfigError};
 use eha_monitor::monitor::report::{Report, Verdict};
 use eha_monitor::monitor::sample::Sample;
@@ -49,6 +50,18 @@ fn each_fault_is_named_and_measured() {
                 assert!((fault.value - faults[index]).abs() < 4.5 * fault.standard_error, "{report:?}");
             }
         }
+    }
+}
+
+#[test]
+fn no_window_tells_the_friction_better_than_the_model_knows_it() {
+    // A sine from rest: the ram stops and starts so often that noise alone would leave hundredths of a newton open.
+    let sine = |sample: u32| 4e-3 * (0.01 * core::f32::consts::PI * sample as f32).sin();
+    for report in reports(sine, |_| HEALTHY, 3) {
+        let [backlash, friction] = &report.faults;
+        assert!(friction.standard_error >= FRICTION_ERROR as f32, "{report:?}");
+        assert!((friction.value - HEALTHY[1]).abs() < 4.5 * friction.standard_error, "{report:?}");
+        assert!(backlash.standard_error < 1e-6, "{report:?}");
     }
 }
 

@@ -3,9 +3,10 @@
 use super::Case;
 use super::hypothesis::Hypothesis;
 use super::residual::{self, MEASURED};
-use crate::fit::{self, FRICTION_ERROR, Polished, Prepared, SMALLEST_NOISE};
+use crate::fit::{self, Polished, Prepared, SMALLEST_NOISE};
 use crate::rig::Range;
 use eha_monitor::effect::EffectInfo;
+use eha_monitor::fit::FRICTION_ERROR;
 use eha_monitor::fit::identify::within_noise;
 use eha_monitor::model::Drive;
 use eha_monitor::model::state::Outputs;

@@ -41,7 +41,7 @@ pub use reading::{AsRead, Reading, fit_as_read, is_command_late, on_path, speaks
 pub use result::Fit;
 pub use rounding::most_likely;
 pub use search::{FitSettings, Standing, fit, fit_from_seeds, fit_near};
-pub use systematic::{FRICTION_ERROR, standard_errors};
+pub use systematic::standard_errors;
 pub use valley::Valley;
 pub use visits::Visit;
 

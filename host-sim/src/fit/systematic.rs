@@ -5,6 +5,7 @@ use super::noise::{MODEL_ERROR, SMALLEST_NOISE};
 use super::polish::genes_of;
 use super::{MAX_FREE, Polished, Prepared};
 use crate::rig::{Range, Rig};
+use eha_monitor::fit::FRICTION_ERROR;
 use eha_monitor::fit::gauss_newton::{Settings, normal_equations};
 use eha_monitor::fit::problem::{Problem, Record};
 use eha_monitor::integrate::Stepper;
@@ -15,11 +16,6 @@ use std::iter;
 
 /// Covariance of the genes of a fit.
 type Covariance = SMatrix<f64, MAX_FREE, MAX_FREE>;
-
-/// Standard uncertainty, N, of the dry friction of a jack that a valve drives, which no record takes away. A program that
-/// steps by the source's rule, 2 us at a time, is late by a part of a step wherever the ram stops or starts: to who knows
-/// the friction that well, it looks 0.1 to 0.3 N weaker.
-pub const FRICTION_ERROR: f64 = 0.2;
 
 /// Standard error of each value of a fit that leaves noise of records: what white noise makes of it, and what the model's
 /// own error can.
