@@ -16,7 +16,7 @@ const FIXED: [&str; 9] = [
     "seed",
 ];
 /// Members beyond those.
-const ADDED: [&str; 5] = ["closed_loop", "correlation", "mean_square", "stop", "warnings"];
+const ADDED: [&str; 6] = ["channels", "closed_loop", "correlation", "mean_square", "stop", "warnings"];
 
 fn sorted<'a>(lists: &[&[&'a str]]) -> Vec<&'a str> {
     let mut all = lists.concat();
@@ -93,6 +93,21 @@ fn the_json_has_the_fixed_members() {
     for time in ["seconds", "seconds_per_generation", "residual_rms_m"] {
         assert!(number(&result[time]) > 0.0, "{result}");
     }
+    let channels = result["channels"].as_array().expect("a list");
+    let noise = [("lvdt_m", 5e-6), ("current_mA", 0.02)];
+    assert_eq!(channels.len(), noise.len(), "{result}");
+    for (channel, (name, noise)) in channels.iter().zip(noise) {
+        assert_eq!((&channel["name"], &channel["noise_from"]), (&name.into(), &"record".into()));
+        // All but the start.
+        assert!(
+            channel["samples"].as_u64().is_some_and(|samples| (990..=1001).contains(&samples)),
+            "{channel}"
+        );
+        for shown in [&channel["noise"], &channel["residual_rms"]].map(number) {
+            assert!((shown / noise - 1.0).abs() < 0.1, "{channel}");
+        }
+    }
+    assert_eq!(result["residual_rms_m"], channels[0]["residual_rms"]);
     let config = &result["config"];
     assert_eq!((&config["rig"], &config["seed"]), (&"eha".into(), &5.into()));
     assert_eq!(config["version"], env!("CARGO_PKG_VERSION"));
