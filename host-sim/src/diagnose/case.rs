@@ -187,9 +187,12 @@ impl<'a> Case<'a> {
 
     /// Is what is left of a channel no more than noise?
     pub(super) fn is_noise(&self, channel: usize, left: &ChannelResidual) -> bool {
-        let by_steps = self.steps[channel].map_or(0.0, |steps| steps.error);
-        let error = self.model_error[channel].hypot(by_steps);
-        left.is_noise(error, self.known_noise[channel], RESIDUAL_LIMIT)
+        // Of the saw tooth of a sensor that is read in steps noise leaves the first harmonic on the whole; all of it is what it
+        // may swing by.
+        let by_steps =
+            self.steps[channel].map_or([0.0; 2], |steps| [steps.error, steps.step / 12.0_f64.sqrt()]);
+        let errors = by_steps.map(|error| self.model_error[channel].hypot(error));
+        left.is_noise(errors, self.known_noise[channel], RESIDUAL_LIMIT)
     }
 }
 

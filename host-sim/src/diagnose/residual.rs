@@ -21,9 +21,11 @@ const LAGS: usize = 20;
 pub struct ChannelResidual {
     /// Root mean square, in the channel's unit.
     pub rms: f64,
-    /// Root mean square of the part that is not white noise, in the channel's unit: of what neighbouring samples share, or
-    /// of what goes on over all lags of the test, to and fro as a hum does, whichever is more.
+    /// Root of what neighbouring samples share: the part that is not white noise, in the channel's unit.
     pub coloured_rms: f64,
+    /// Root mean square of what goes to and fro within a few samples, as a hum does, so that they share nothing, in the
+    /// channel's unit; 0 where nothing does.
+    pub swinging_rms: f64,
     /// Ljung-Box statistic in standard deviations above its mean under white noise.
     pub colour_sigma: f64,
     /// Samples.
@@ -164,7 +166,7 @@ pub fn test(all: &[Vec<f64>]) -> Option<ChannelResidual> {
     }
     let mean_square = power / count as f64;
     let mut statistic = 0.0;
-    let mut shared = 0.0;
+    let [mut shared, mut apart] = [0.0; 2];
     for lag in 1..=lags {
         let pairs: usize = all.iter().map(|one| one.len().saturating_sub(lag)).sum();
         let covariance = products.at(lag) / pairs.max(1) as f64;
@@ -172,14 +174,16 @@ pub fn test(all: &[Vec<f64>]) -> Option<ChannelResidual> {
         statistic += correlation * correlation * pairs as f64;
         if lag <= 3 {
             shared += covariance / 3.0;
+            apart += covariance.abs() / 3.0;
         }
     }
-    // Correlations beyond those of as many samples of white noise. Their signs do not cancel in the squares.
+    // What goes to and fro cancels in the sum, and not in the squares of the correlations, beyond those of white noise.
     let beyond = (statistic - lags as f64).max(0.0) / count as f64;
-    let going_on = mean_square * (beyond / lags as f64).sqrt();
+    let swinging = if apart > 2.0 * shared { mean_square * (beyond / lags as f64).sqrt() } else { 0.0 };
     Some(ChannelResidual {
         rms: mean_square.sqrt(),
-        coloured_rms: shared.max(going_on).sqrt(),
+        coloured_rms: shared.max(0.0).sqrt(),
+        swinging_rms: swinging.sqrt(),
         // Chi-square with as many degrees of freedom as lags: that is its mean, and half of its variance.
         colour_sigma: (statistic - lags as f64) / (2.0 * lags as f64).sqrt(),
         count,
@@ -188,9 +192,11 @@ pub fn test(all: &[Vec<f64>]) -> Option<ChannelResidual> {
 
 impl ChannelResidual {
     /// Is it just noise: white (within `limit` standard deviations of the test), or coloured by less than the model's
-    /// `error`, and no larger than the noise where the noise is known?
-    pub fn is_noise(&self, error: f64, known_noise: Option<f64>, limit: f64) -> bool {
-        let white = self.colour_sigma <= limit || self.coloured_rms <= error;
+    /// `error`, and no larger than the noise where the noise is known? To and fro, a sensor that is read in steps errs by more
+    /// than the model, by `swing` at most.
+    pub fn is_noise(&self, [error, swing]: [f64; 2], known_noise: Option<f64>, limit: f64) -> bool {
+        let is_small = self.coloured_rms <= error && self.swinging_rms <= swing;
+        let white = self.colour_sigma <= limit || is_small;
         let small = known_noise.is_none_or(|noise| {
             let excess = (self.rms / noise).powi(2) - 1.0;
             let tolerance = limit * (2.0 / self.count as f64).sqrt();
@@ -238,13 +244,13 @@ mod tests {
             let wave = |k: usize| hum * (TAU * cycles * k as f64 + 0.3).sin();
             (0..2000).map(|k| wave(k) + normal.sample(&mut random)).collect()
         };
-        let is_noise = |values: Vec<f64>| test(&[values]).unwrap().is_noise(0.3e-6, None, 5.0);
+        let is_noise = |values: Vec<f64>| test(&[values]).unwrap().is_noise([0.3e-6; 2], None, 5.0);
         assert!((0..20).all(|_| is_noise(noise(0.0, 0.0))));
         for hundredths in 1..50 {
             let cycles = 0.01 * f64::from(hundredths);
             assert!(!is_noise(noise(4e-6, cycles)), "{cycles} cycles a sample");
             // A model whose own error is as large.
-            let by_error = test(&[noise(4e-6, cycles)]).unwrap().is_noise(4e-6, None, 5.0);
+            let by_error = test(&[noise(4e-6, cycles)]).unwrap().is_noise([4e-6; 2], None, 5.0);
             assert!(by_error, "{cycles} cycles a sample");
         }
     }
