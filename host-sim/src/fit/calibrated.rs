@@ -32,7 +32,7 @@ pub fn calibration_errors(
     let kept: Vec<(usize, Range)> = around
         .enumerate()
         .filter(|(_, range)| range.lower < range.upper)
-        .take(MAX_FREE - ranges.len())
+        .take(MAX_FREE.saturating_sub(ranges.len()))
         .collect();
     if kept.is_empty() {
         return None;
