@@ -1,8 +1,7 @@
 //! What the fuzz target and the tests run on random bytes: nothing in them may panic, hang or poison the monitor.
 
-use eha_monitor::fit::problem::Free;
 use eha_monitor::integrate::Stepper;
-use eha_monitor::integrate::observed::{Observed, Observer};
+use eha_monitor::integrate::observed::Observed;
 use eha_monitor::link::station::{PlainSteps, any_steps};
 use eha_monitor::model::state::{Input, InputSegment};
 use eha_monitor::model::{Form, Model};
@@ -31,11 +30,6 @@ const FLIGHT: usize = 5 * PERIOD;
 
 /// A monitor of some parameters with the steps for them.
 fn monitor<S: Stepper<f32>>(steps: S, parameters: &Parameters<f32>) -> Box<Small<S>> {
-    let fault = |parameter, upper, healthy, alarm| Fault {
-        free: Free { parameter, lower: 0.0, upper },
-        healthy,
-        alarm,
-    };
     let mut monitor = Box::new(Small::idle(steps));
     let config = Config {
         form: Form::default(),
@@ -44,8 +38,8 @@ fn monitor<S: Stepper<f32>>(steps: S, parameters: &Parameters<f32>) -> Box<Small
         holds_command: false,
         noise: SensorNoise { user: 5e-6, current: 0.02 },
         faults: [
-            fault(Parameter::Backlash, 1.5e-3, HEALTHY[0], 2e-4),
-            fault(Parameter::DryFriction, 4000.0, HEALTHY[1], 600.0),
+            Fault::new(Parameter::Backlash, [0.0, 1.5e-3], HEALTHY[0], 2e-4),
+            Fault::new(Parameter::DryFriction, [0.0, 4000.0], HEALTHY[1], 600.0),
         ],
         false_alarm_rate: 1e-6,
         seed: 1,
@@ -97,15 +91,6 @@ fn samples<'a>(flight: &'a [[f32; 3]], bytes: &'a [u8]) -> impl Iterator<Item = 
     })
 }
 
-/// Counts steps by itself.
-struct Count<'a>(&'a Cell<u32>);
-
-impl Observer for Count<'_> {
-    fn took(&self, steps: u32) {
-        self.0.set(self.0.get() + steps);
-    }
-}
-
 /// Feeds samples of any bits to a monitor: behind a first byte that 8 divides to one for every rig, of an actuator that
 /// meters by the square root of the pressure drop.
 pub(crate) fn stream(bytes: &[u8]) {
@@ -114,11 +99,11 @@ pub(crate) fn stream(bytes: &[u8]) {
     match bytes.split_first() {
         Some((first, samples)) if first.is_multiple_of(8) => {
             parameters.metering_blend = 1.0;
-            let observed = Observed::new(any_steps::<4>(), Count(&steps));
+            let observed = Observed::new(any_steps::<4>(), &steps);
             feed(&mut monitor(observed, &parameters), &steps, &flight(&parameters), samples);
         }
         Some((_, samples)) => {
-            let observed = Observed::new(PlainSteps::<6>::new(), Count(&steps));
+            let observed = Observed::new(PlainSteps::<6>::new(), &steps);
             feed(&mut monitor(observed, &parameters), &steps, &flight(&parameters), samples);
         }
         None => {}
@@ -126,14 +111,14 @@ pub(crate) fn stream(bytes: &[u8]) {
 }
 
 /// What a monitor says of samples of any bits is sound, and good ones after them are those of a healthy actuator.
-fn feed<S: Stepper<f32>>(monitor: &mut Small<S>, steps: &Cell<u32>, flight: &[[f32; 3]], bytes: &[u8]) {
+fn feed<S: Stepper<f32>>(monitor: &mut Small<S>, steps: &Cell<u64>, flight: &[[f32; 3]], bytes: &[u8]) {
     let mut queue = SampleQueue::<16>::new();
     let (mut inlet, mut outlet) = queue.split();
     for sample in samples(flight, bytes) {
         assert!(inlet.push(sample), "each is taken at once");
         let poll = monitor.poll(&mut outlet, BUDGET);
         // As the stepper counts them: the monitor's own count is cut to its budget.
-        assert!(steps.take() <= BUDGET);
+        assert!(steps.take() <= BUDGET.into());
         assert!(poll.report.as_ref().is_none_or(is_sound), "{:?}", poll.report);
     }
     settles(monitor, flight, 0);

@@ -15,7 +15,6 @@
 //! # Use
 //!
 //! ```
-//! use eha_monitor::fit::problem::Free;
 //! use eha_monitor::integrate::exact::Exact;
 //! use eha_monitor::model::{Form, state::BASE_ORDER};
 //! use eha_monitor::monitor::config::{Config, ConfigError, Fault};
@@ -23,8 +22,6 @@
 //! use eha_monitor::parameter::{Parameter, Parameters};
 //! use eha_monitor::trial::SensorNoise;
 //!
-//! let backlash = Free { parameter: Parameter::Backlash, lower: 0.0, upper: 1.5e-3 };
-//! let friction = Free { parameter: Parameter::DryFriction, lower: 200.0, upper: 4000.0 };
 //! let config = Config {
 //!     form: Form::default(),
 //!     parameters: Parameters::default(),
@@ -32,8 +29,8 @@
 //!     holds_command: false,
 //!     noise: SensorNoise { user: 5e-6, current: 0.02 },
 //!     faults: [
-//!         Fault { free: backlash, healthy: 1e-4, alarm: 2e-4 },
-//!         Fault { free: friction, healthy: 400.0, alarm: 600.0 },
+//!         Fault::new(Parameter::Backlash, [0.0, 1.5e-3], 1e-4, 2e-4),
+//!         Fault::new(Parameter::DryFriction, [200.0, 4000.0], 400.0, 600.0),
 //!     ],
 //!     false_alarm_rate: Config::<2>::FALSE_ALARM_RATE,
 //!     seed: 1,

@@ -5,6 +5,7 @@ use crate::model::Model;
 use crate::model::corridor::{Corridor, Passing, Watched};
 use crate::model::state::{Input, Mode, State};
 use crate::scalar::Real;
+use core::cell::Cell;
 
 /// Who looks at a stepper.
 pub trait Observer {
@@ -15,6 +16,26 @@ pub trait Observer {
     /// So many steps were taken.
     #[inline(always)]
     fn took(&self, _steps: u32) {}
+}
+
+/// Counts the steps.
+impl Observer for Cell<u64> {
+    #[inline(always)]
+    fn took(&self, steps: u32) {
+        self.set(self.get().wrapping_add(steps.into()));
+    }
+}
+
+impl<O: Observer> Observer for &O {
+    #[inline(always)]
+    fn begins(&self) {
+        (**self).begins();
+    }
+
+    #[inline(always)]
+    fn took(&self, steps: u32) {
+        (**self).took(steps);
+    }
 }
 
 /// A stepper and who looks at it. It steps as it does alone.

@@ -1,6 +1,5 @@
 //! What goes over the line. The lists have fixed capacities: nothing is allocated on either side.
 
-use crate::fit::problem::Free;
 use crate::model::{Drive, Feedback, Form, ValveForm};
 use crate::monitor::config::{Config, Fault};
 use crate::monitor::report::Report;
@@ -135,12 +134,8 @@ impl Setup {
             parameters.set(parameter(place)?, value);
         }
         let fault = |setup: &FaultSetup| {
-            let ([lower, upper], [healthy, alarm]) = (setup.range, setup.levels);
-            Some(Fault {
-                free: Free { parameter: parameter(setup.parameter)?, lower, upper },
-                healthy,
-                alarm,
-            })
+            let [healthy, alarm] = setup.levels;
+            Some(Fault::new(parameter(setup.parameter)?, setup.range, healthy, alarm))
         };
         let [first, second] = &self.faults;
         Some(Config {

@@ -39,6 +39,14 @@ pub struct Fault {
     pub alarm: f32,
 }
 
+impl Fault {
+    /// A parameter that is watched within a range, lower and upper end: the largest healthy value and the one that must be
+    /// alarmed, all in its unit. [`Config::check`] says whether they go together.
+    pub const fn new(parameter: Parameter, [lower, upper]: [f32; 2], healthy: f32, alarm: f32) -> Self {
+        Self { free: Free { parameter, lower, upper }, healthy, alarm }
+    }
+}
+
 /// What a monitor is told.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Config<const FAULTS: usize> {

@@ -440,14 +440,13 @@ mod tests {
     #[test]
     fn another_list_of_fields_is_another_version() {
         let mut monitor = Box::new(Small::idle(Exact::new()));
-        let free = crate::fit::problem::Free { parameter: Parameter::Backlash, lower: 0.0, upper: 1e-3 };
         let config = Config {
             form: Form::default(),
             parameters: Parameters::default(),
             sample_period: 1e-3,
             holds_command: false,
             noise: SensorNoise { user: 5e-6, current: 0.02 },
-            faults: [Fault { free, healthy: 1e-4, alarm: 2e-4 }],
+            faults: [Fault::new(Parameter::Backlash, [0.0, 1e-3], 1e-4, 2e-4)],
             false_alarm_rate: 1e-6,
             seed: 1,
         };

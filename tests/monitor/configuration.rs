@@ -1,7 +1,6 @@
 //! What a monitor can be told of its actuator, and what it refuses.
 
 use crate::flight::{Flight, Flown, HEALTHY, TestMonitor, WINDOW, config, feed, monitor};
-use eha_monitor::fit::problem::Free;
 use eha_monitor::link::station::{AnySteps, any_steps};
 use eha_monitor::model::{Form, Model};
 use eha_monitor::monitor::Monitor;
@@ -13,10 +12,11 @@ use eha_monitor::parameter::{Parameter, Parameters, Reach};
 type AnyMonitor = Monitor<AnySteps<1>, 1000, 2, 20>;
 
 /// A configuration that watches a parameter beside the friction, over a range of it.
-fn watching(parameter: Parameter, [lower, upper]: [f32; 2]) -> Config<2> {
+fn watching(parameter: Parameter, range: [f32; 2]) -> Config<2> {
     let mut config = config();
+    let [lower, upper] = range;
     let (healthy, alarm) = (0.4 * lower + 0.6 * upper, 0.2 * lower + 0.8 * upper);
-    config.faults[0] = Fault { free: Free { parameter, lower, upper }, healthy, alarm };
+    config.faults[0] = Fault::new(parameter, range, healthy, alarm);
     config
 }
 

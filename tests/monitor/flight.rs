@@ -1,6 +1,5 @@
 //! An actuator in flight: commands that nobody chose for a test, faults that change, sensors with noise.
 
-use eha_monitor::fit::problem::Free;
 use eha_monitor::integrate::Stepper as _;
 use eha_monitor::integrate::exact::Exact;
 use eha_monitor::model::state::{BASE_ORDER, Input, InputSegment};
@@ -31,18 +30,17 @@ pub(crate) type TestMonitor = Monitor<Steps, WINDOW, 2, 20>;
 
 /// What the monitor under test is told.
 pub(crate) fn config() -> Config<2> {
-    let fault = |parameter, lower, upper, index: usize| Fault {
-        free: Free { parameter, lower, upper },
-        healthy: HEALTHY[index],
-        alarm: ALARMED[index],
-    };
+    let fault = |parameter, range, index: usize| Fault::new(parameter, range, HEALTHY[index], ALARMED[index]);
     Config {
         form: Form::default(),
         parameters: Parameters::default(),
         sample_period: PERIOD,
         holds_command: false,
         noise: NOISE,
-        faults: [fault(Parameter::Backlash, 0.0, 1.5e-3, 0), fault(Parameter::DryFriction, 200.0, 4000.0, 1)],
+        faults: [
+            fault(Parameter::Backlash, [0.0, 1.5e-3], 0),
+            fault(Parameter::DryFriction, [200.0, 4000.0], 1),
+        ],
         false_alarm_rate: Config::<2>::FALSE_ALARM_RATE,
         seed: 1,
     }

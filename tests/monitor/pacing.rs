@@ -2,7 +2,7 @@
 
 use crate::flight::{Flight, Flown, HEALTHY, Steps, TestMonitor, WINDOW, config, monitor};
 use eha_monitor::integrate::LONGEST_PIECE;
-use eha_monitor::integrate::observed::{Observed, Observer};
+use eha_monitor::integrate::observed::Observed;
 use eha_monitor::monitor::Monitor;
 use eha_monitor::monitor::queue::SampleQueue;
 use eha_monitor::monitor::report::Report;
@@ -66,33 +66,21 @@ fn windows_are_skipped_where_the_work_cannot_keep_up() {
     }
 }
 
-/// Counts steps by itself, each so many times.
-struct Count<'a> {
-    steps: &'a Cell<u32>,
-    times: u32,
-}
-
-impl Observer for Count<'_> {
-    fn took(&self, steps: u32) {
-        self.steps.set(self.steps.get() + self.times * steps);
-    }
-}
-
 /// Most steps that a stepper was asked for in a poll of a budget, less those that it may be; steps count so many times.
-fn excess(budget: u32, times: u32) -> i64 {
+fn excess(budget: u32, times: u64) -> i64 {
     let flown = Flown::new(21);
     let mut flight = Flight::new(|sample| flown.at(sample), 21);
     let mut queue = SampleQueue::<64>::new();
     let (mut inlet, mut outlet) = queue.split();
-    let steps = Cell::new(0);
-    let observed = Observed::new(Steps::new(), Count { steps: &steps, times });
+    let steps = Cell::new(0_u64);
+    let observed = Observed::new(Steps::new(), &steps);
     let mut monitor = Box::new(Monitor::<_, WINDOW, 2, 20>::idle(observed));
     monitor.configure(&config()).expect("a configuration that is right");
     let (mut excess, mut reports) = (i64::MIN, 0);
     for _ in 0..3 * WINDOW as u32 {
         assert!(inlet.push(flight.next(HEALTHY)));
         let poll = monitor.poll(&mut outlet, budget);
-        excess = excess.max(i64::from(steps.take()) - i64::from(budget));
+        excess = excess.max((times * steps.take()).cast_signed() - i64::from(budget));
         reports += u32::from(poll.report.is_some());
     }
     assert!(reports >= 2, "{budget}");

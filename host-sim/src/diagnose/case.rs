@@ -5,6 +5,7 @@ use super::jumps::Timed;
 use super::progress::Progress;
 use super::residual::{self, ChannelResidual, MEASURED};
 use super::search::Rival;
+use crate::fit::measured::PRESSURE;
 use crate::fit::{self, Prepared, Reading, Steps};
 use crate::interrupt;
 use crate::rig::Rig;
@@ -23,9 +24,6 @@ const RESIDUAL_LIMIT: f64 = 5.0;
 pub const EFFORT_PER_SECOND: f64 = 24.0;
 /// Bounds of that, s of one core.
 pub const EFFORT_BOUNDS_S: [f64; 2] = [30.0, 240.0];
-
-/// The place of the pressure difference among the measured channels.
-const PRESSURE: usize = 3;
 
 /// What a diagnosis works on.
 pub struct Case<'a> {

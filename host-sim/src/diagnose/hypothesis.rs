@@ -216,12 +216,12 @@ impl Hypothesis {
         let rig = fit.applied(&self.rig, &self.ranges);
         let cost = case.timed.and_then(|timed| timed.jumps.cost(&rig, &self.ranges, fit, records));
         let widening = cost.map_or_else(|| vec![1.0; errors.len()], |cost| cost.widening);
-        let calibrated = fit::calibration_errors(&rig, &self.ranges, &fit.values, records)
-            .unwrap_or_else(|| vec![0.0; errors.len()]);
-        let errors = iter::zip(errors, widening).map(|(error, wider)| wider * error);
-        let errors = errors.zip(calibrated).map(|(error, of_rig)| error.hypot(of_rig));
-        let values = self.ranges.iter().zip(&fit.values).zip(errors);
-        values.map(|((range, &value), error)| Estimate::new(range, value, error)).collect()
+        let values = self.ranges.iter().zip(&fit.values).zip(iter::zip(errors, widening));
+        let mut estimates: Vec<Estimate> = values
+            .map(|((range, &value), (error, wider))| Estimate::new(range, value, wider * error))
+            .collect();
+        fit::widen_by_calibration(&rig, &self.ranges, &mut estimates, records);
+        estimates
     }
 
     /// The effect that was added last.

@@ -7,7 +7,8 @@
 
 use super::case::Case;
 use super::residual;
-use crate::fit::Prepared;
+use crate::fit::measured::{CURRENT, PRESSURE, RAM, USER};
+use crate::fit::{MODEL_ERROR, Prepared};
 use crate::rig::Rig;
 use eha_monitor::model::Drive;
 use eha_monitor::model::state::Outputs;
@@ -48,12 +49,6 @@ impl Side {
         }
     }
 }
-
-/// Places of the measured channels.
-const USER: usize = 0;
-const RAM: usize = 1;
-const CURRENT: usize = 2;
-const PRESSURE: usize = 3;
 
 /// Half width, s, over which a balance of forces is taken: long enough that the noise of a position is no acceleration, short
 /// against the motion of a flight control.
@@ -135,7 +130,7 @@ fn balance(rig: &Rig, records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -
     let off = |balance: &Balance| balance.force - by_friction * balance.direction;
     let mean = |of: &dyn Fn(&Balance) -> f64| all.iter().map(of).sum::<f64>() / all.len() as f64;
     let (square, noise) = (mean(&|balance| off(balance).powi(2)), mean(&|balance| balance.noise.powi(2)));
-    let own = (p.jack_area * crate::fit::MODEL_ERROR[PRESSURE]).powi(2);
+    let own = (p.jack_area * MODEL_ERROR[PRESSURE]).powi(2);
     let is_balanced = square <= noise * (1.0 + LIMIT * (2.0 / independent).sqrt()) + own;
     Some(if is_balanced { Side::Drive } else { Side::Force })
 }

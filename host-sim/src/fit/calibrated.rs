@@ -2,7 +2,7 @@
 
 use super::engine::{FIT_TOLERANCE, Job, on_records};
 use super::polish::genes_of;
-use super::{MAX_FREE, Prepared};
+use super::{Estimate, MAX_FREE, Prepared};
 use crate::rig::{Range, Rig};
 use eha_monitor::fit::gauss_newton::{Settings, normal_equations};
 use eha_monitor::fit::problem::Problem;
@@ -13,17 +13,21 @@ use nalgebra::DMatrix;
 /// difference is then a fifth of one.
 const HALF_WIDTH: f64 = 50.0;
 
+/// Widens the intervals of values that were fitted to records with a rig by what its calibrated values are off by.
+pub fn widen_by_calibration(rig: &Rig, ranges: &[Range], estimates: &mut [Estimate], records: &[Prepared]) {
+    let values: Vec<f64> = estimates.iter().map(|estimate| estimate.value).collect();
+    let errors = errors(rig, ranges, &values, records).unwrap_or_default();
+    for ((estimate, range), error) in estimates.iter_mut().zip(ranges).zip(errors) {
+        estimate.widen(range, error);
+    }
+}
+
 /// Standard error of each fitted value that comes from those of the rig's calibrated ones, in its unit; none where nothing
 /// is known of those, or all are fitted again.
 ///
 /// With `A` the curvature of chi-square in the fitted values and `B` that between them and the calibrated ones, an error `c`
 /// of these shifts the fitted values by `-A^-1 B c`, as long as the model is linear in it.
-pub fn calibration_errors(
-    rig: &Rig,
-    ranges: &[Range],
-    values: &[f64],
-    records: &[Prepared],
-) -> Option<Vec<f64>> {
+fn errors(rig: &Rig, ranges: &[Range], values: &[f64], records: &[Prepared]) -> Option<Vec<f64>> {
     let calibration = rig.calibration.beside(ranges);
     let calibrated = calibration.parameters.iter().zip(&calibration.standard_errors);
     let around = calibrated.map(|(&parameter, error)| {

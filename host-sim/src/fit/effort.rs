@@ -1,8 +1,6 @@
 //! How much is simulated: what a search costs, on whatever machine it runs.
 
 use super::Prepared;
-use eha_monitor::integrate::observed::Observer;
-use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -33,23 +31,6 @@ pub fn spent_s(records: &[Prepared]) -> f64 {
     };
     let ns = |(_, record): (usize, &Prepared)| record.effort.0.load(Ordering::Relaxed) as f64;
     records.iter().enumerate().filter(is_first).map(|record| ns(record) * 1e-9).sum()
-}
-
-/// How many steps a stepper took.
-#[derive(Default)]
-pub(super) struct StepCount(Cell<u64>);
-
-impl StepCount {
-    pub(super) const fn get(&self) -> u64 {
-        self.0.get()
-    }
-}
-
-impl Observer for StepCount {
-    #[inline(always)]
-    fn took(&self, steps: u32) {
-        self.0.set(self.0.get() + u64::from(steps));
-    }
 }
 
 #[cfg(test)]

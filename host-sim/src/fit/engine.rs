@@ -1,6 +1,5 @@
 //! Which integrator a fit needs, and the buffers for it.
 
-use super::effort::StepCount;
 use super::{MAX_FREE, Prepared};
 use crate::rig::{Range, Rig};
 use eha_monitor::fit::problem::{Free, Offset, Problem, Record};
@@ -10,6 +9,7 @@ use eha_monitor::integrate::collocation::Collocation;
 use eha_monitor::integrate::exact::{Exact, FINE};
 use eha_monitor::integrate::observed::Observed;
 use eha_monitor::model::state::{BASE_ORDER, FULL_ORDER, Outputs};
+use std::cell::Cell;
 
 /// Distance of the ram, m, that a curved step may err by in a fit: some 0.01 um over a simulation.
 pub const FIT_TOLERANCE: f64 = 2e-9;
@@ -107,7 +107,7 @@ impl<J: Job> Work<'_, J> {
     /// Does it with an integrator that takes so many ns for a step on the machine that this was measured on: one for the
     /// model and one for each of its neighbours in a finish.
     fn with<S: Stepper<f64>>(self, step_ns: u64, make: impl Fn() -> S) -> J::Output {
-        let counted = |_| Observed::new(make(), StepCount::default());
+        let counted = |_| Observed::new(make(), Cell::new(0));
         let mut steppers: Vec<_> = (0..=self.problem.free.len()).map(counted).collect();
         let output = self.job.run(self.problem, &mut steppers);
         if let Some(record) = self.records.first() {

@@ -9,6 +9,7 @@ mod effort;
 pub mod engine;
 mod estimate;
 mod limits;
+pub mod measured;
 mod noise;
 mod periodogram;
 mod polish;
@@ -22,7 +23,7 @@ mod valley;
 mod visits;
 
 pub use bounds::{Bounds, is_told, remarks};
-pub use calibrated::calibration_errors;
+pub use calibrated::widen_by_calibration;
 pub use closed_loop::{LoopScore, force_error, loop_score};
 pub use colour::{as_white, colour_of};
 pub use correlation::Correlation;

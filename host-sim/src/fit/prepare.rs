@@ -2,6 +2,7 @@
 
 use super::colour::{as_white, in_differences};
 use super::effort::Effort;
+use super::measured::{CURRENT, RAM, USER};
 use super::noise::{
     MODEL_ERROR, command_step, correlation_time, differences, noise_of, present, quantum, rms,
 };
@@ -17,11 +18,6 @@ use std::f64::consts::{PI, SQRT_2};
 use std::slice;
 
 const MEASURED: usize = Channel::MEASURED.len();
-/// Places of user position, ram position and current among them.
-const USER: usize = 0;
-const RAM: usize = 1;
-const CURRENT: usize = 2;
-
 /// Samples that are averaged for the position at a start that is not the commanded one.
 const START_SAMPLES: usize = 5;
 /// Standard deviations of the noise by which the first sample of a record that starts at rest at its command may differ

@@ -3,7 +3,7 @@
 
 use super::search::or_from_seeds;
 use super::visits::{InAll, generations};
-use super::{Fit, FitSettings, Prepared, Standing, TOLD_APART, Visit, fit, prepare};
+use super::{Fit, FitSettings, Prepared, Standing, TOLD_APART, Visit, fit, prepare, widen_by_calibration};
 use crate::record::Record;
 use crate::rig::{CommandPath, Range, Rig};
 use eha_monitor::fit::identify::{self, StopReason};
@@ -129,7 +129,7 @@ pub fn fit_as_read(
     for (_, other) in &fitted {
         is_open |= gain_of(&fit.misfit, &other.misfit).abs() <= TOLD_APART && fit.hold(other);
     }
-    let fit = fit.with_calibration_errors(&reading.rig, ranges, &reading.records);
+    widen_by_calibration(&reading.rig, ranges, &mut fit.estimates, &reading.records);
     AsRead { reading, fit, is_open }
 }
 

@@ -3,7 +3,7 @@
 use super::engine::{self, FIT_TOLERANCE, Job, on_records};
 use super::estimate::{Estimate, estimates};
 use super::{Correlation, Polished, Prepared, Valley, Visit};
-use super::{calibration_errors, most_likely, noise, polish, systematic};
+use super::{most_likely, noise, polish, systematic};
 use crate::interrupt;
 use crate::rig::{Calibration, Range, Rig};
 use eha_monitor::channel::Channel;
@@ -102,22 +102,6 @@ impl Fit {
             estimate.hold_beyond(before.ci95, by_curvature.ci95);
         }
         moved
-    }
-
-    /// The fit with intervals that hold what the rig's calibrated values are off by as well.
-    #[must_use]
-    pub(super) fn with_calibration_errors(
-        mut self,
-        rig: &Rig,
-        ranges: &[Range],
-        records: &[Prepared],
-    ) -> Self {
-        let values: Vec<f64> = self.estimates.iter().map(|estimate| estimate.value).collect();
-        let errors = calibration_errors(rig, ranges, &values, records).unwrap_or_default();
-        for ((estimate, range), error) in self.estimates.iter_mut().zip(ranges).zip(errors) {
-            estimate.widen(range, error);
-        }
-        self
     }
 
     /// The rig with the values of the fit, and how well they are known.

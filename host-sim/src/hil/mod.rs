@@ -11,7 +11,6 @@ use crate::emulator::{Binary, BuildOptions, Machine, RunLog};
 use crate::failure::Failure;
 use crate::rig::{BUILT_IN, Rig};
 use damage::{Damage, Injected};
-use eha_monitor::fit::problem::Free;
 use eha_monitor::integrate::Stepper;
 use eha_monitor::link::frame::{Decoder, LONGEST, encode};
 use eha_monitor::link::message::{FAULTS, FromMonitor, ReportMessage, SAMPLES, Setup, ToMonitor};
@@ -107,14 +106,9 @@ impl Session {
         if image == Image::AnyRig {
             rig.parameters.metering_blend = 1.0;
         }
-        let fault = |parameter, lower, upper, healthy, alarm| Fault {
-            free: Free { parameter, lower, upper },
-            healthy,
-            alarm,
-        };
         let faults = [
-            fault(Parameter::Backlash, 0.0, 1.5e-3, 1e-4, 2e-4),
-            fault(Parameter::DryFriction, 200.0, 4000.0, 400.0, 600.0),
+            Fault::new(Parameter::Backlash, [0.0, 1.5e-3], 1e-4, 2e-4),
+            Fault::new(Parameter::DryFriction, [200.0, 4000.0], 400.0, 600.0),
         ];
         let noise = SensorNoise::<f32>::TYPICAL;
         let mut parameters = rig.parameters;
@@ -181,10 +175,7 @@ impl Session {
         let mut damage = Damage::new(self.damage, self.seed);
         let too_long =
             || Failure::usage("the rig changes more parameters than a message to the firmware holds");
-        let frame_of = |message: &ToMonitor| {
-            let mut frame = [0; LONGEST];
-            encode(message, &mut frame).map(<[u8]>::to_vec).ok_or_else(too_long)
-        };
+        let frame_of = |message: &ToMonitor| frame_of(message).ok_or_else(too_long);
         let setup = Setup::of(&self.config, STEPS_PER_SAMPLE).ok_or_else(too_long)?;
         let mut pieces = vec![Piece { bytes: frame_of(&ToMonitor::Setup(setup))?, due: 0 }];
         for (index, chunk) in self.samples.chunks(SAMPLES).enumerate() {
@@ -208,13 +199,12 @@ impl Session {
             return Vec::new();
         };
         let ticks: Vec<usize> = (sent..(sent / WINDOW + 1) * WINDOW - 1).collect();
-        let frame_of = |ticks: &[usize]| {
+        let piece = |ticks: &[usize]| {
             let samples = ticks.iter().map(|_| [*command, f32::NAN, f32::NAN]).collect();
-            let mut frame = [0; LONGEST];
-            let bytes = encode(&ToMonitor::Samples(ticks[0] as u32, samples), &mut frame)?.to_vec();
+            let bytes = frame_of(&ToMonitor::Samples(ticks[0] as u32, samples))?;
             Some(Piece { bytes, due: ticks[0] + ticks.len() })
         };
-        ticks.chunks(SAMPLES).filter_map(frame_of).collect()
+        ticks.chunks(SAMPLES).filter_map(piece).collect()
     }
 
     /// What a station on this host answers to the same bytes. Where the last window is not done with by then, idle samples
@@ -315,6 +305,12 @@ impl Session {
         let is_identical = answer == expected;
         Ok(Outcome { reports, status, twin, is_identical, bytes: sent, injected, log })
     }
+}
+
+/// A message as it goes over the line; none where a frame does not hold it.
+fn frame_of(message: &ToMonitor) -> Option<Vec<u8>> {
+    let mut frame = [0; LONGEST];
+    encode(message, &mut frame).map(<[u8]>::to_vec)
 }
 
 /// What a station answers to a piece.

@@ -12,7 +12,6 @@ use crate::hil::{Outcome, Session};
 use crate::output::{self, counted, number, quantity};
 use crate::rig::{CommandPath, Rig};
 use eha_monitor::channel::Channel;
-use eha_monitor::fit::problem::Free;
 use eha_monitor::link::message::{FAULTS, FromMonitor, ReportMessage};
 use eha_monitor::link::station::WINDOW;
 use eha_monitor::monitor::config::{Config, Fault};
@@ -189,8 +188,8 @@ fn watched(options: &Options, rig: &Rig) -> Result<[Fault; FAULTS], Failure> {
         let [healthy, alarm] = watch.two_numbers("..")?.map(|level| level as f32);
         let info = parameter.info();
         let declared = rig.faults.iter().find(|range| range.parameter == parameter);
-        let (lower, upper) = declared.map_or((info.lower, info.upper), |range| (range.lower, range.upper));
-        Ok(Fault { free: Free { parameter, lower: lower as f32, upper: upper as f32 }, healthy, alarm })
+        let range = declared.map_or([info.lower, info.upper], |range| [range.lower, range.upper]);
+        Ok(Fault::new(parameter, range.map(|end| end as f32), healthy, alarm))
     });
     let faults: Vec<Fault> = faults.collect::<Result<_, Failure>>()?;
     faults.try_into().map_err(|_| {

@@ -2,7 +2,6 @@
 
 use crate::Platform;
 use core::hint::black_box;
-use eha_monitor::fit::problem::Free;
 use eha_monitor::integrate::exact::Exact;
 use eha_monitor::model::{Form, state::BASE_ORDER};
 use eha_monitor::monitor::Monitor;
@@ -32,11 +31,6 @@ pub(super) const NEW: Watch =
     Watch { monitor: Monitor::idle(Steps::new()), saved: [0; ThreeFaults::SNAPSHOT_BYTES] };
 
 fn config() -> Config<FAULTS> {
-    let fault = |parameter, lower, upper, healthy, alarm| Fault {
-        free: Free { parameter, lower, upper },
-        healthy,
-        alarm,
-    };
     Config {
         form: Form::default(),
         parameters: Parameters::default(),
@@ -44,9 +38,9 @@ fn config() -> Config<FAULTS> {
         holds_command: false,
         noise: SensorNoise::<f32>::TYPICAL,
         faults: [
-            fault(Parameter::Backlash, 0.0, 1.5e-3, 1e-4, 2e-4),
-            fault(Parameter::DryFriction, 200.0, 4000.0, 400.0, 600.0),
-            fault(Parameter::CurrentOffset, -1.0, 1.0, 0.1, 0.3),
+            Fault::new(Parameter::Backlash, [0.0, 1.5e-3], 1e-4, 2e-4),
+            Fault::new(Parameter::DryFriction, [200.0, 4000.0], 400.0, 600.0),
+            Fault::new(Parameter::CurrentOffset, [-1.0, 1.0], 0.1, 0.3),
         ],
         false_alarm_rate: Config::<FAULTS>::FALSE_ALARM_RATE,
         seed: 1,

@@ -9,7 +9,6 @@ use core::cell::Cell;
 use core::panic::PanicInfo;
 use cortex_m_rt::{entry, exception};
 use critical_section::Mutex;
-use eha_monitor::fit::problem::Free;
 use eha_monitor::integrate::exact::Exact;
 use eha_monitor::model::Form;
 use eha_monitor::model::state::BASE_ORDER;
@@ -32,11 +31,6 @@ const STEPS_PER_POLL: u32 = 100;
 
 /// What the monitor is told: the actuator, its sensors, and for each fault what is healthy and what must be alarmed.
 fn config() -> Config<2> {
-    let watch = |parameter, lower, upper, healthy, alarm| Fault {
-        free: Free { parameter, lower, upper },
-        healthy,
-        alarm,
-    };
     Config {
         form: Form::default(),
         parameters: Parameters::default(),
@@ -45,8 +39,8 @@ fn config() -> Config<2> {
         holds_command: true,
         noise: SensorNoise { user: 5e-6, current: 0.02 },
         faults: [
-            watch(Parameter::Backlash, 0.0, 1.5e-3, 1e-4, 2e-4),
-            watch(Parameter::DryFriction, 200.0, 4000.0, 400.0, 600.0),
+            Fault::new(Parameter::Backlash, [0.0, 1.5e-3], 1e-4, 2e-4),
+            Fault::new(Parameter::DryFriction, [200.0, 4000.0], 400.0, 600.0),
         ],
         false_alarm_rate: Config::<2>::FALSE_ALARM_RATE,
         seed: 1,
