@@ -10,6 +10,7 @@ use eha_monitor::model::fluid::Fluid;
 use eha_monitor::model::play::play;
 use eha_monitor::model::sensor::{Lvdt, LvdtState};
 use eha_monitor::model::state::BASE_ORDER;
+use eha_monitor::model::waypoint::Waypoint;
 use eha_monitor::model::{Feedback, Form, Model, ValveForm};
 use eha_monitor::parameter::{PARAMETERS, Parameters};
 
@@ -143,43 +144,58 @@ fn lvdt(change: impl FnOnce(&mut Parameters<f64>)) -> Lvdt<f64> {
     Lvdt::new(&parameters, PERIOD)
 }
 
-fn sampled(lvdt: &Lvdt<f64>, signal: impl Fn(f64) -> f64, samples: usize) -> Vec<f64> {
-    let mut state = LvdtState::at_rest(signal(0.0));
-    (0..samples).map(|sample| lvdt.sample(&mut state, signal(sample as f64 * PERIOD))).collect()
+/// What an LVDT shows of a signal: its values and slopes, at which the LVDT looks at every sample and once in between.
+fn sampled(lvdt: &Lvdt<f64>, signal: impl Fn(f64) -> [f64; 2], samples: usize) -> Vec<f64> {
+    let place = |sample: usize, share: f64| Waypoint {
+        share,
+        pushing: signal((sample as f64 + share) * PERIOD),
+        behind: [0.0; 2],
+    };
+    let mut state = LvdtState::at_rest(signal(0.0)[0], place(0, 0.0));
+    let shown = |sample: usize| {
+        if let Some(last) = sample.checked_sub(1) {
+            for share in [0.4, 1.0] {
+                lvdt.watch(&mut state, &place(last, share), [signal((last as f64) * PERIOD)[0], 0.0]);
+            }
+        }
+        lvdt.sample(&mut state, place(sample, 0.0).pushing[0])
+    };
+    (0..samples).map(shown).collect()
 }
 
 #[test]
 fn lvdt_lags_delays_and_bends_as_its_closed_forms_say() {
+    let omega = std::f64::consts::TAU * 5.0;
+    let sine = |t: f64| [4e-3 * (omega * t).sin(), 4e-3 * omega * (omega * t).cos()];
     for tau in [2e-4, 1e-3, 5e-3, 0.05] {
-        // Behind a ramp the lag's output is r (t - tau (1 - exp(-t/tau))), but for the corner at the start.
-        let seen = sampled(&lvdt(|p| p.sensor_lag = tau), |t| 0.03 * t, 400);
-        for (sample, value) in seen.iter().enumerate().skip(40) {
+        // Behind a ramp the lag's output is r (t - tau (1 - exp(-t/tau))).
+        let seen = sampled(&lvdt(|p| p.sensor_lag = tau), |t| [0.03 * t, 0.03], 400);
+        for (sample, value) in seen.iter().enumerate() {
             let t = sample as f64 * PERIOD;
             let expected = 0.03 * (t - tau * (1.0 - (-t / tau).exp()));
-            // The corner inside the parabola's memory fades with the lag.
-            let corner = 0.03 * PERIOD / 12.0 * PERIOD / tau * (-t / tau).exp();
-            assert!((value - expected).abs() < 1e-12 + 2.0 * corner.abs(), "{tau} s, {sample} ms: {value:e}");
+            assert!((value - expected).abs() < 1e-12, "{tau} s, {sample} ms: {value:e}, not {expected:e}");
         }
-        // And behind a sine of 5 Hz its amplitude and phase: 0.3 um of 4 mm before the parabola's term.
-        let omega = std::f64::consts::TAU * 5.0;
-        let seen = sampled(&lvdt(|p| p.sensor_lag = tau), |t| 4e-3 * (omega * t).sin(), 1000);
-        for (sample, value) in seen.iter().enumerate().skip(700) {
-            let angle = omega * sample as f64 * PERIOD - (omega * tau).atan();
-            let expected = 4e-3 / (1.0 + (omega * tau).powi(2)).sqrt() * angle.sin();
-            assert!((value - expected).abs() < 0.03e-6, "{tau} s, {sample} ms: {:e}", value - expected);
+        // And behind a sine of 5 Hz its amplitude and phase, alone and delayed.
+        for delay in [0.0, 3e-4, 6e-4, 2.4e-3] {
+            let seen = sampled(&lvdt(|p| (p.sensor_lag, p.sensor_delay) = (tau, delay)), sine, 1000);
+            for (sample, value) in seen.iter().enumerate().skip(700) {
+                let angle = omega * (sample as f64 * PERIOD - delay) - (omega * tau).atan();
+                let expected = 4e-3 / (1.0 + (omega * tau).powi(2)).sqrt() * angle.sin();
+                assert!((value - expected).abs() < 2e-9, "{tau} s, {sample} ms: {:e}", value - expected);
+            }
         }
     }
-    for delay in [3e-4, 1e-3, 1.3e-3, 7.77e-3, 0.03] {
-        let omega = std::f64::consts::TAU * 5.0;
-        let seen = sampled(&lvdt(|p| p.sensor_delay = delay), |t| 4e-3 * (omega * t).sin(), 300);
+    for delay in [3e-4, 1e-3, 1.3e-3, 7.77e-3, 0.031] {
+        let seen = sampled(&lvdt(|p| p.sensor_delay = delay), sine, 300);
         for (sample, value) in seen.iter().enumerate().skip(40) {
-            let expected = 4e-3 * (omega * (sample as f64 * PERIOD - delay)).sin();
-            assert!((value - expected).abs() < 0.02e-6, "{delay} s, {sample} ms: {:e}", value - expected);
+            let expected = sine(sample as f64 * PERIOD - delay)[0];
+            assert!((value - expected).abs() < 1e-10, "{delay} s, {sample} ms: {:e}", value - expected);
         }
     }
-    let seen = sampled(&lvdt(|p| (p.sensor_gain, p.sensor_offset) = (0.01, 1e-4)), |t| t, 50);
+    let line = |t: f64| [t, 1.0];
+    let seen = sampled(&lvdt(|p| (p.sensor_gain, p.sensor_offset) = (0.01, 1e-4)), line, 50);
     assert!(seen.iter().enumerate().all(|(at, value)| (value - 1.01e-3 * at as f64 - 1e-4).abs() < 1e-15));
-    let seen = sampled(&lvdt(|p| p.sensor_cubic = 100.0), |t| t, 50);
+    let seen = sampled(&lvdt(|p| p.sensor_cubic = 100.0), line, 50);
     let cubic = |t: f64| t + 100.0 * t * t * t;
     assert!(seen.iter().enumerate().all(|(at, value)| (value - cubic(1e-3 * at as f64)).abs() < 1e-15));
 }

@@ -20,8 +20,7 @@ const FEEDBACKS: [Feedback; 2] = [Feedback::Ram, Feedback::User];
 /// with the effect piecewise affine?
 type Row = (&'static str, &'static [(P, f64)], f64, bool);
 
-/// The design's bar is 0.3 um. Lag and delay of the LVDT work on samples: where the play sets the user in motion
-/// inside a sample they see a corner a fraction of a millisecond off, which costs up to 0.35 um.
+/// The design's bar is 0.3 um. A lag of the LVDT takes the way from sample to sample for a parabola, which the play may bend.
 const TABLE: &[Row] = &[
     ("valve-offset", &[(P::CurrentOffset, 0.1)], 0.02, true),
     ("torque-motor-hysteresis", &[(P::TorqueMotorHysteresis, 0.1)], 0.3, true),
@@ -57,8 +56,8 @@ const TABLE: &[Row] = &[
     ("drive-lag", &[(P::DriveLag, 1e-3)], 0.02, true),
     ("sensor-offset", &[(P::SensorOffset, 1e-5)], 0.02, true),
     ("sensor-gain", &[(P::SensorGain, 0.01)], 0.02, true),
-    ("sensor-lag", &[(P::SensorLag, 1e-3)], 0.35, true),
-    ("sensor-delay", &[(P::SensorDelay, 1.3e-3)], 0.35, true),
+    ("sensor-lag", &[(P::SensorLag, 1e-3)], 0.05, true),
+    ("sensor-delay", &[(P::SensorDelay, 1.3e-3)], 0.02, true),
     ("sensor-cubic", &[(P::SensorCubic, 100.0)], 0.02, true),
 ];
 

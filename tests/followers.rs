@@ -36,7 +36,7 @@ fn a_follower_shows_what_its_own_simulation_would() {
         stepper.begin(PERIOD, false, true);
     }
     let (mut leader, mut alone) = (Walk::new(&base, &record), Walk::new(&other, &record));
-    let mut follower = [Some(Follower::of(alone.actuator()))];
+    let mut follower = [Some(Follower::of(&other, PERIOD))];
     let mut differences = 0;
     while let Some((sample, own)) = alone.next(&record, &mut steppers[0]) {
         let (_, led) = leader.lead(&record, &mut steppers[1], &mut follower).expect("as many samples");

@@ -117,7 +117,7 @@ where
         let mut walks: [Walk<T>; GENES] = core::array::from_fn(|gene| Walk::new(&neighbours[gene], record));
         let mut walk = Walk::new(&base, record);
         let mut followers: [Option<Follower<T>>; GENES] =
-            walks.each_ref().map(|walk| Follower::of(walk.actuator())).map(Some);
+            walks.each_ref().map(|walk| Some(Follower::of(&walk.actuator().model, record.sample_period)));
         for (gene, follower) in followers.iter_mut().enumerate() {
             if !problem.is_output(gene) {
                 *follower = None;

@@ -8,7 +8,7 @@ use crate::model::state::Outputs;
 use crate::model::{Form, Model};
 use crate::parameter::{Parameter, Parameters, Reach};
 use crate::scalar::Real;
-use crate::simulate::{Actuator, Follower};
+use crate::simulate::Follower;
 
 /// Number of channels that the model predicts.
 pub const MEASURED: usize = Channel::MEASURED.len();
@@ -381,8 +381,8 @@ impl<T: Real> Problem<'_, T> {
             stepper.begin(record.sample_period, record.has_force(), rig_changed);
             rig_changed = false;
             let mut walk = Walk::new(&model, record);
-            let mut followers = others
-                .map(|genes| Some(Follower::of(&Actuator::new(self.model(genes), record.sample_period))));
+            let mut followers =
+                others.map(|genes| Some(Follower::of(&self.model(genes), record.sample_period)));
             let compared = record.compared();
             while walk.has_next(record) {
                 let (mut first, mut filled) = (0, 0);

@@ -82,7 +82,7 @@ impl<T: Real> Walk<T> {
             input = Input { command, command_rate: T::ZERO, force: self.drive };
             self.motion = self.started(&start, &input);
             for follower in followers.iter_mut().flatten() {
-                follower.restart(self.motion.user);
+                follower.start(&self.actuator.model, &self.motion.run.state, start.ram);
             }
             self.left = stretch;
         } else {
@@ -118,10 +118,6 @@ impl<T: Real> Walk<T> {
             let force = if self.lag.is_some() { self.lagging } else { self.drive };
             input = Input { command, force, ..line.start };
         }
-        let behind = self.actuator.model.behind_play(&self.motion.run.state);
-        for follower in followers.iter_mut().flatten() {
-            follower.carry(behind);
-        }
         self.command = command;
         self.left = self.left.saturating_sub(1);
         self.sample += 1;
@@ -156,12 +152,13 @@ impl<T: Real> Walk<T> {
             let ahead = ahead.get(..record.unbroken(first, ahead.len())).unwrap_or(&[]);
             if !ahead.is_empty() && record.force.is_empty() && record.law.is_none() {
                 let (actuator, motion) = (&self.actuator, &mut self.motion);
-                let done = actuator.glide(stepper, motion, self.command, ahead, |offset, ram, outputs| {
-                    for follower in followers.iter_mut().flatten() {
-                        follower.follow(ram);
-                    }
-                    show(first + offset, outputs, followers);
-                });
+                let done =
+                    actuator.glide(stepper, motion, self.command, ahead, |offset, passing, outputs| {
+                        for follower in followers.iter_mut().flatten() {
+                            follower.pass(passing);
+                        }
+                        show(first + offset, outputs, followers);
+                    });
                 if let Some(&command) = done.checked_sub(1).and_then(|last| ahead.get(last)) {
                     self.command = command;
                     self.sample += done;
@@ -188,7 +185,7 @@ impl<T: Real> Walk<T> {
         let mut mode = model.mode_at_rest();
         state.ram_velocity = start.velocity;
         mode.jack = if start.velocity < T::ZERO { -1 } else { 1 };
-        Motion::resuming(Run::starting(model, state, mode, input), start.ram)
+        self.actuator.resuming(Run::starting(model, state, mode, input), start.ram)
     }
 
     /// What is walked along the record.

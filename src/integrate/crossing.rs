@@ -4,7 +4,7 @@
 use super::guards::Guards;
 use super::{Run, Step, Stepper, ceiling};
 use crate::model::Model;
-use crate::model::state::{FULL_ORDER, Input, InputSegment};
+use crate::model::state::{FULL_ORDER, Input, InputSegment, State};
 use crate::scalar::Real;
 
 /// Events that one finest step may hold; more are left to the next step.
@@ -21,7 +21,7 @@ pub(super) fn cross<T: Real, S: Stepper<T>>(
     segment: &InputSegment<T>,
     elapsed: T,
     [mut done, until]: [T; 2],
-    observe: &mut impl FnMut(T),
+    observe: &mut impl FnMut(T, &State<T>),
 ) {
     run.forget_motion();
     for _ in 0..EVENTS_PER_STEP {
@@ -45,7 +45,7 @@ fn meet<T: Real, S: Stepper<T>>(
     elapsed: T,
     done: &mut T,
     until: T,
-    observe: &mut impl FnMut(T),
+    observe: &mut impl FnMut(T, &State<T>),
 ) -> bool {
     let unit = stepper.unit();
     let input = segment.at(elapsed + unit * *done);
@@ -74,8 +74,11 @@ fn meet<T: Real, S: Stepper<T>>(
     run.state = state;
     run.steps += 3;
     run.events += 1;
-    observe(model.play_input(&run.state));
+    let share = (elapsed + unit * *done) / (unit * T::from_count(stepper.units()));
+    observe(share, &run.state);
     model.switch(index, &mut run.mode, &mut run.state, &input);
+    // What meets a stop has another velocity now.
+    observe(share, &run.state);
     run.mode_number = run.mode.number();
     run.guards = Guards::at(model, &run.mode, &run.state, &input, now);
     true

@@ -270,8 +270,8 @@ pub trait Stepper<T: Real> {
 
 /// Advances a run by one sample.
 ///
-/// `observe` is called with what pushes the backlash at every turning point and at the end of the sample, in order
-/// of time: what a rate-independent operator behind the ram needs to see. Bounded: at most `2 * units` steps of the
+/// `observe` is called with the share of the sample that has passed and the state at every turning point and at the end of
+/// the sample, in order of time: what an operator behind the ram needs to see. Bounded: at most `2 * units` steps of the
 /// stepper and three parts for each of the 8 events that one of its finest steps may hold.
 #[inline]
 pub fn advance<T: Real, S: Stepper<T>>(
@@ -279,12 +279,12 @@ pub fn advance<T: Real, S: Stepper<T>>(
     model: &Model<T>,
     run: &mut Run<T>,
     segment: &InputSegment<T>,
-    mut observe: impl FnMut(T),
+    mut observe: impl FnMut(T, &State<T>),
 ) {
     if let Some(mut place) = start(stepper, model, run, segment) {
         divide(stepper, model, run, segment, &mut place, u32::MAX, &mut observe);
     } else {
-        observe(model.play_input(&run.state));
+        observe(T::ONE, &run.state);
     }
 }
 
@@ -297,7 +297,7 @@ pub fn advance_over_jump<T: Real, S: Stepper<T>>(
     run: &mut Run<T>,
     [before, after]: [&InputSegment<T>; 2],
     part: T,
-    mut observe: impl FnMut(T),
+    mut observe: impl FnMut(T, &State<T>),
 ) {
     stepper.enter(model, run);
     if model.guards_see_command_rate() {
@@ -315,12 +315,12 @@ pub fn advance_over_jump<T: Real, S: Stepper<T>>(
         run.catch_up(model, None, before, elapsed);
     }
     cross(stepper, model, run, before, elapsed, [T::ZERO, share], &mut observe);
-    observe(model.play_input(&run.state));
+    observe(part, &run.state);
     let jump = elapsed + stepper.unit() * share;
     run.meet(model, &before.at(jump), &after.at(jump), before.time + jump);
     stepper.enter(model, run);
     cross(stepper, model, run, after, elapsed, [share, T::ONE], &mut observe);
-    observe(model.play_input(&run.state));
+    observe(share_of(stepper, whole + 1), &run.state);
     for position in whole + 1..units {
         step_finely(stepper, model, run, after, position, &mut observe);
     }
@@ -333,12 +333,18 @@ fn step_finely<T: Real, S: Stepper<T>>(
     run: &mut Run<T>,
     segment: &InputSegment<T>,
     position: u32,
-    observe: &mut impl FnMut(T),
+    observe: &mut impl FnMut(T, &State<T>),
 ) {
     if !attempt(stepper, model, run, segment, position, 0) {
         cross_all(stepper, model, run, segment, position, observe);
     }
-    observe(model.play_input(&run.state));
+    observe(share_of(stepper, position + 1), &run.state);
+}
+
+/// Share of a sample that has passed at a place inside it.
+#[inline(always)]
+fn share_of<T: Real, S: Stepper<T>>(stepper: &S, position: u32) -> T {
+    T::from_count(position) / T::from_count(stepper.units())
 }
 
 /// Takes a run over the finest step at a position, which holds an event.
@@ -348,7 +354,7 @@ fn cross_all<T: Real, S: Stepper<T>>(
     run: &mut Run<T>,
     segment: &InputSegment<T>,
     position: u32,
-    observe: &mut impl FnMut(T),
+    observe: &mut impl FnMut(T, &State<T>),
 ) {
     let elapsed = stepper.unit() * T::from_count(position);
     cross(stepper, model, run, segment, elapsed, [T::ZERO, T::ONE], observe);
@@ -431,7 +437,7 @@ pub fn advance_some<T: Real, S: Stepper<T>>(
     segment: &InputSegment<T>,
     place: &mut Option<Place>,
     allowance: u32,
-    mut observe: impl FnMut(T),
+    mut observe: impl FnMut(T, &State<T>),
 ) -> bool {
     if allowance < LONGEST_PIECE {
         return false;
@@ -443,7 +449,7 @@ pub fn advance_some<T: Real, S: Stepper<T>>(
     } else if let Some(now) = start(stepper, model, run, segment) {
         now
     } else {
-        observe(model.play_input(&run.state));
+        observe(T::ONE, &run.state);
         return true;
     };
     let done = divide(stepper, model, run, segment, &mut now, last, &mut observe);
@@ -576,7 +582,7 @@ fn divide<T: Real, S: Stepper<T>>(
     segment: &InputSegment<T>,
     place: &mut Place,
     last: u32,
-    observe: &mut impl FnMut(T),
+    observe: &mut impl FnMut(T, &State<T>),
 ) -> bool {
     let units = stepper.units();
     let Place { mut position, mut level } = *place;
@@ -592,8 +598,8 @@ fn divide<T: Real, S: Stepper<T>>(
             }
             cross_all(stepper, model, run, segment, position, observe);
         }
-        observe(model.play_input(&run.state));
         position += size::<T, S>(level);
+        observe(share_of(stepper, position), &run.state);
         while level < S::TOP.min(run.ceiling)
             && run.calm >= stepper.calm()
             && position.is_multiple_of(size::<T, S>(level + 1))

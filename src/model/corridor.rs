@@ -8,6 +8,7 @@
 
 use super::events::SPOOL_FORCE_TOLERANCE;
 use super::state::{Input, Mode, State, side};
+use super::waypoint::Waypoint;
 use super::{Model, ValveForm};
 use crate::scalar::Real;
 
@@ -32,10 +33,20 @@ pub type Watched<T> = [T; WATCHED];
 pub struct Passing<T> {
     /// Ram position, m.
     pub ram: T,
+    /// Ram velocity, m/s.
+    pub ram_velocity: T,
     /// Current, mA.
     pub current: T,
     /// Differential pressure, Pa.
     pub pressure: T,
+}
+
+impl<T: Real> Passing<T> {
+    /// The end of a sample: what has a corridor has no mount.
+    #[inline(always)]
+    pub const fn waypoint(&self) -> Waypoint<T> {
+        Waypoint { share: T::ONE, pushing: [self.ram, self.ram_velocity], behind: [T::ZERO; 2] }
+    }
 }
 
 /// How much further than a straight way from one place to the next what is fast went in between: position error (m),
@@ -89,6 +100,7 @@ impl<T: Real> Corridor<T> {
         let ([current, by_error], [pressure, by_pressure]) = (self.current, self.pressure);
         Passing {
             ram: z.ram,
+            ram_velocity: z.ram_velocity,
             current: current + by_error * error,
             pressure: pressure + by_pressure * self.linear_pressure(z),
         }

@@ -23,6 +23,7 @@ pub mod play;
 pub mod sensor;
 pub mod state;
 pub mod valve;
+pub mod waypoint;
 
 use crate::parameter::{Parameter, Parameters, Reach};
 use crate::scalar::Real;
@@ -248,6 +249,12 @@ impl<T: Real> Model<T> {
     #[inline(always)]
     pub fn behind_play(&self, z: &State<T>) -> T {
         (T::ONE - self.parameters.play_sees_base) * z.base
+    }
+
+    /// Its velocity, m/s.
+    #[inline(always)]
+    pub(crate) fn behind_play_velocity(&self, z: &State<T>) -> T {
+        (T::ONE - self.parameters.play_sees_base) * z.base_velocity
     }
 
     /// Position that the controller sees, m: that of the user is over ground, of that of the ram the rig says how much it is.

@@ -9,10 +9,9 @@ use super::sums::{CHANNELS, Sums};
 use super::window::{Packed, Scale, Window};
 use crate::integrate::{LONGEST_PIECE, Place, Run, Stepper, advance_some};
 use crate::model::Model;
-use crate::model::play::play;
-use crate::model::sensor::{Lvdt, LvdtState};
 use crate::model::state::{Input, InputSegment, Mode, State};
 use crate::parameter::Reach;
+use crate::simulate::Follower;
 
 /// Samples that one motion walks before the next one follows: more would save what a change of model costs, and take
 /// more of the monitor's memory than its budget has.
@@ -56,29 +55,6 @@ impl Start {
                 .all(|&value| inside(value, bounds.ram))
             && stops(mode.spool, state.spool, bounds.spool)
             && stops(mode.jack, state.ram, bounds.ram)
-    }
-}
-
-/// What the user's sensor sees of a motion.
-#[derive(Clone, Copy, Debug)]
-struct Tap {
-    half_backlash: f32,
-    user: f32,
-    lvdt: Lvdt<f32>,
-    seen: LvdtState<f32>,
-}
-
-impl Tap {
-    const IDLE: Self =
-        Self { half_backlash: 0.0, user: 0.0, lvdt: Lvdt::IDLE, seen: LvdtState::at_rest(0.0) };
-
-    fn new(model: &Model<f32>, period: f32, user: f32) -> Self {
-        Self {
-            half_backlash: model.half_backlash(),
-            user,
-            lvdt: Lvdt::new(model.parameters(), period),
-            seen: LvdtState::at_rest(user),
-        }
     }
 }
 
@@ -157,39 +133,37 @@ pub(super) struct Pass<const GENES: usize> {
 struct Sight<const GENES: usize> {
     /// Has a neighbour a motion of its own?
     is_own: [bool; GENES],
-    base_tap: Tap,
-    moved_taps: [Tap; GENES],
+    base_user: Follower<f32>,
+    moved_users: [Follower<f32>; GENES],
     predicted: [Predicted<GENES>; CHUNK],
     path: Path,
 }
 
 impl<const GENES: usize> Sight<GENES> {
-    /// The ram of the candidate (turn 0) or of a neighbour has come to a place where it may turn back, m.
+    /// Lets what is behind the ram of the candidate (turn 0) or of a neighbour follow it.
     #[inline(always)]
-    fn follow(&mut self, turn: usize, ram: f32) {
+    fn each_user(&mut self, turn: usize, follow: impl Fn(&mut Follower<f32>)) {
         if turn == 0 {
-            self.base_tap.user = play(ram, self.base_tap.user, self.base_tap.half_backlash);
+            follow(&mut self.base_user);
         }
-        for (gene, tap) in self.moved_taps.iter_mut().enumerate() {
+        for (gene, user) in self.moved_users.iter_mut().enumerate() {
             if is_tapped(&self.is_own, turn, gene) {
-                tap.user = play(ram, tap.user, tap.half_backlash);
+                follow(user);
             }
         }
     }
 
-    /// A motion has come to a sample of the chunk, which is compared or not: its ram over ground, and what is added
-    /// behind the backlash, m.
+    /// A motion has come to a sample of the chunk, which is compared or not: its ram over ground, m.
     #[inline(always)]
-    fn look(&mut self, turn: usize, place: usize, [ram, behind]: [f32; 2], current: f32, compared: bool) {
+    fn look(&mut self, turn: usize, place: usize, ram: f32, current: f32, compared: bool) {
         let Some(place) = self.predicted.get_mut(place) else { return };
-        let see = |tap: &mut Tap| [tap.lvdt.sample(&mut tap.seen, tap.user + behind), current];
         if turn == 0 {
             self.path.look(ram, compared);
-            place.base = see(&mut self.base_tap);
+            place.base = [self.base_user.shown(), current];
         }
-        for (gene, (tap, predicted)) in self.moved_taps.iter_mut().zip(&mut place.moved).enumerate() {
+        for (gene, (user, predicted)) in self.moved_users.iter_mut().zip(&mut place.moved).enumerate() {
             if is_tapped(&self.is_own, turn, gene) {
-                *predicted = see(tap);
+                *predicted = [user.shown(), current];
             }
         }
     }
@@ -290,8 +264,8 @@ impl<const GENES: usize> Pass<GENES> {
         moved: [Run::IDLE; GENES],
         sight: Sight {
             is_own: [false; GENES],
-            base_tap: Tap::IDLE,
-            moved_taps: [Tap::IDLE; GENES],
+            base_user: Follower::IDLE,
+            moved_users: [Follower::IDLE; GENES],
             predicted: [Predicted { base: [0.0; CHANNELS], moved: [[0.0; CHANNELS]; GENES] }; CHUNK],
             path: Path::IDLE,
         },
@@ -380,7 +354,9 @@ impl<const GENES: usize> Pass<GENES> {
         };
         let (turn, sight) = (self.turn, &mut self.sight);
         let before = run.steps;
-        let follow = |ram| sight.follow(turn, ram);
+        let follow = |share, state: &State<f32>| {
+            sight.each_user(turn, |user| user.follow(model, share, state));
+        };
         let done = advance_some(stepper, model, run, &segment, &mut self.place, *allowance, follow);
         *allowance = allowance.saturating_sub(run.steps.wrapping_sub(before));
         done
@@ -413,8 +389,8 @@ impl<const GENES: usize> Pass<GENES> {
         {
             let demand = model.demand(&run.mode, &run.state, &scene.input(sample));
             let current = model.controller.current(run.mode.current, demand, 1.0);
-            let positions = [run.state.ground(), model.behind_play(&run.state)];
-            self.sight.look(self.turn, self.done, positions, current, sample >= scene.settle);
+            let ram = run.state.ground();
+            self.sight.look(self.turn, self.done, ram, current, sample >= scene.settle);
         }
     }
 
@@ -441,8 +417,8 @@ impl<const GENES: usize> Pass<GENES> {
         let command = |done: u32| (done < most).then(|| scene.command(first + done as usize));
         let taken = run.steps;
         stepper.glide(run, before, steps, command, |passing| {
-            sight.follow(turn, passing.ram);
-            sight.look(turn, place, [passing.ram, 0.0], passing.current, sample >= scene.settle);
+            sight.each_user(turn, |user| user.pass(passing));
+            sight.look(turn, place, passing.ram, passing.current, sample >= scene.settle);
             place += 1;
             sample += 1;
         });
@@ -488,7 +464,7 @@ impl<const GENES: usize> Pass<GENES> {
         Start {
             state: self.base.state,
             mode: self.base.mode,
-            user: self.sight.base_tap.user,
+            user: self.sight.base_user.position(),
             command: Some(scene.window.get(SAMPLES.saturating_sub(1)).command(scene.scale)),
         }
     }
@@ -514,26 +490,27 @@ impl<const GENES: usize> Pass<GENES> {
         (self.turn, self.chunk, self.done) = (0, 0, 0);
         // The candidate last: its turn is the first.
         for turn in (0..=GENES).rev() {
-            let (run, tap) = match turn.checked_sub(1) {
-                None => (&mut self.base, &mut self.sight.base_tap),
+            let (run, user) = match turn.checked_sub(1) {
+                None => (&mut self.base, &mut self.sight.base_user),
                 Some(gene) => {
-                    let (Some(fault), Some(is_own), Some(run), Some(tap), true) = (
+                    let (Some(fault), Some(is_own), Some(run), Some(user), true) = (
                         config.faults.get(gene),
                         self.sight.is_own.get_mut(gene),
                         self.moved.get_mut(gene),
-                        self.sight.moved_taps.get_mut(gene),
+                        self.sight.moved_users.get_mut(gene),
                         with_neighbours,
                     ) else {
                         continue;
                     };
                     *is_own = Model::<f32>::reach(config.form, fault.free.parameter) != Reach::Output;
-                    (run, tap)
+                    (run, user)
                 }
             };
             self.model = Slot::Full(config.model(&moved_genes(&self.genes, &self.widths, turn)));
             if let Some(model) = self.model.get() {
                 *run = Run::starting(model, start.state, start.mode, &input);
-                *tap = Tap::new(model, config.sample_period, start.user);
+                *user = Follower::of(model, config.sample_period);
+                user.start(model, &start.state, start.user);
             }
         }
     }
