@@ -24,7 +24,7 @@ pub struct Options {
     #[command(flatten)]
     input: InputOptions,
     /// Value at which the faults are foreseen, in place of the rig's: `--at fdj=800`.
-    #[arg(long = "at", value_name = "NAME=VALUE")]
+    #[arg(long = "at", value_delimiter = ',', value_name = "NAME=VALUE")]
     at: Vec<String>,
 }
 

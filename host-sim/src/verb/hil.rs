@@ -45,13 +45,13 @@ pub struct Options {
     #[arg(long, default_value_t = 10.0, allow_hyphen_values = true, value_parser = seconds)]
     seconds: f64,
     /// Parameter of the simulated actuator: `fdj=800`.
-    #[arg(long = "set", value_name = "NAME=VALUE")]
+    #[arg(long = "set", value_delimiter = ',', value_name = "NAME=VALUE")]
     set: Vec<String>,
     /// Parameter of the simulated actuator that grows within a second: `bkl=2e-4@4` from 4 s on.
-    #[arg(long = "grow", value_name = "NAME=VALUE@SECONDS")]
+    #[arg(long = "grow", value_delimiter = ',', value_name = "NAME=VALUE@SECONDS")]
     grow: Vec<String>,
     /// Fault to watch, with its healthy and its alarmed value: twice.
-    #[arg(long = "watch", value_name = "NAME=HEALTHY..ALARM", default_values = ["bkl=1e-4..2e-4", "fdj=400..600"])]
+    #[arg(long = "watch", value_delimiter = ',', value_name = "NAME=HEALTHY..ALARM", default_values = ["bkl=1e-4..2e-4", "fdj=400..600"])]
     watch: Vec<String>,
     /// Chance that a byte of the samples is lost, damaged, repeated or reordered on its way.
     #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_parser = rate)]

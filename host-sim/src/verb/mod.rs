@@ -201,7 +201,7 @@ pub struct FitOptions {
     #[command(flatten)]
     input: InputOptions,
     /// Range of a parameter, in its unit: `bkl=0..2e-3`. A parameter that is not free becomes free.
-    #[arg(long = "bounds", value_name = "NAME=LOW..HIGH")]
+    #[arg(long = "bounds", value_delimiter = ',', value_name = "NAME=LOW..HIGH")]
     bounds: Vec<String>,
     /// Members of the population of the genetic algorithm.
     #[arg(long, default_value_t = FitSettings::default().population, allow_negative_numbers = true,

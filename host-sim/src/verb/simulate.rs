@@ -65,7 +65,7 @@ pub struct Options {
     #[arg(long, default_value_t = 1e-6, value_name = "S", allow_hyphen_values = true)]
     step: f64,
     /// Value of a parameter or fault: `bkl=2e-4`, `FDJ=800` (names and symbols as `rigs eha --json` lists them).
-    #[arg(long = "set", value_name = "NAME=VALUE")]
+    #[arg(long = "set", value_delimiter = ',', value_name = "NAME=VALUE")]
     set: Vec<String>,
     /// Effect with the values of its parameters, in the order of `effects`: `spool-overlap=12e-6`, `step-load=300,0.4`.
     /// Those left out at the end keep the rig's.
