@@ -70,6 +70,11 @@ impl Jumping {
         Some(Self { reading, jumps, first, rival })
     }
 
+    /// The effects beside which the first times were fitted; none where these are the declared faults alone.
+    pub(super) fn suggested(&self) -> Option<&Hypothesis> {
+        Some(&self.first.model).filter(|model| !model.added.is_empty())
+    }
+
     /// Diagnoses the case in it, if that explains more than the model that was found without it.
     pub(super) fn diagnose(self, case: &Case<'_>, without: &Answer, settings: &FitSettings) -> Between {
         let Self { reading, jumps, first, rival } = &self;

@@ -1,6 +1,7 @@
 //! What a diagnosis works on.
 
 use super::candidate::Candidate;
+use super::hypothesis::Hypothesis;
 use super::jumps::Timed;
 use super::progress::Progress;
 use super::residual::{self, ChannelResidual, MEASURED};
@@ -44,6 +45,8 @@ pub struct Case<'a> {
     pub(super) timed: Option<&'a Timed>,
     /// An explanation of the records that is known already, where one is: models that cost more are not grown.
     pub(super) rival: Option<Rival>,
+    /// A model that is known to explain the records, or much of them, in another reading: tried in this one as well.
+    pub(super) suggested: Option<&'a Hypothesis>,
     /// Whether the two most expensive searches are made where nothing else explains the records: in the first moments beside
     /// other effects, and over the whole ranges. They are made in the likeliest reading only.
     pub(super) searches_far: bool,
@@ -117,6 +120,7 @@ impl<'a> Case<'a> {
             steps: std::array::from_fn(steps),
             timed: None,
             rival: None,
+            suggested: None,
             searches_far: true,
             effort_s: usual_effort_s(&records[..fitted]),
             cut: None,

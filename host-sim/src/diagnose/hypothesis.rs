@@ -100,7 +100,7 @@ impl Hypothesis {
 
     /// This model fitted to the records of another case, of which its own are a part or which are a part of its own.
     pub(super) fn refitted(&self, case: &Case<'_>) -> Self {
-        let rig = self.rig.with_spool_of(case.rig);
+        let rig = self.rig.reading_as(case.rig);
         let shown = |effect: &&EffectInfo| place::shown_by(effect, &rig, &self.ranges, case.train());
         let here = Place { ranges: self.ranges.clone(), values: self.train.values.clone() };
         let starts = iter::once(here).chain(self.added.iter().flat_map(shown)).collect();
@@ -124,7 +124,7 @@ impl Hypothesis {
 
     /// The best that leads from some places to fits of the records of a case.
     fn refitted_from(&self, starts: Vec<Place>, case: &Case<'_>) -> Self {
-        let rig = self.rig.with_spool_of(case.rig);
+        let rig = self.rig.reading_as(case.rig);
         let (ranges, train) = starts
             .into_par_iter()
             .filter_map(|start| candidate::fitted(&rig, start.ranges, &start.values, case.train()))

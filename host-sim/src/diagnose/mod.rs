@@ -85,7 +85,9 @@ fn in_each_way(case: &Case<'_>, settings: &FitSettings) -> Diagnosis {
     let jumping = Jumping::of(&timing, settings);
     let rival = jumping.as_ref().and_then(|jumping| jumping.rival);
     let timed_first = if jumping.is_some() { TIMING } else { 0.0 };
-    let answer = diagnose_in_noise(&Case { rival, ..case.part([timed_first, 0.65], "") }, settings);
+    let suggested = jumping.as_ref().and_then(Jumping::suggested);
+    let answer =
+        diagnose_in_noise(&Case { rival, suggested, ..case.part([timed_first, 0.65], "") }, settings);
     if case.is_over() {
         return answer.diagnosis;
     }

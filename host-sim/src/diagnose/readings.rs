@@ -5,14 +5,14 @@ use super::conclusion::{Open, conclude, helped_by_whole, helpful};
 use super::diagnosis::{Diagnosis, Score, Verdict};
 use super::hypothesis::Hypothesis;
 use super::residual;
-use super::search::{self, ExplainedElsewhere, FirstRound};
+use super::search::{self, ExplainedElsewhere, FirstRound, Known, MOST_EFFECTS};
 use crate::fit::{self, BETTER_VALLEY, Fit, FitSettings, Polished, Reading, TOLD_APART};
 use crate::rig::{CommandPath, Rig};
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
 use eha_monitor::parameter::Parameter;
 use std::cell::OnceCell;
-use std::iter;
+use std::{iter, ptr};
 
 /// Chi-square between two readings of records that is no difference, whatever is found in them.
 const NO_DIFFERENCE: f64 = 1.0;
@@ -21,6 +21,9 @@ const NO_DIFFERENCE: f64 = 1.0;
 const FAR_BEHIND: f64 = 4.0;
 /// Seeds from which the declared faults are fitted where the first leaves more than noise.
 const ROOT_SEEDS: u64 = 8;
+/// Effects of which as many are tried in other readings where that many leave more than noise in the likeliest one: this was
+/// chosen by what one effect makes of each.
+const EFFECTS_ELSEWHERE: usize = 2;
 /// What is told of a reading in which a computer holds the command from sample to sample.
 const HELD: &str = ", command held";
 
@@ -121,17 +124,16 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     let is_one = read.len() == 1;
     let end = if is_one { 1.0 } else { 0.6 };
     let (mut here, mut declared) = read.swap_remove(likeliest);
-    let mut others: Vec<&Case<'_>> = read.iter().map(|(there, _)| *there).collect();
-    let mut begin = 0.0;
+    let (mut begin, mut asks_others) = (0.0, true);
     let mut answer = loop {
-        match diagnose_from(&here.part([begin, end], ""), &declared, &others, settings) {
+        let others = if asks_others { &read[..] } else { &[] };
+        match diagnose_from(&here.part([begin, end], ""), &declared, others, settings) {
             Ok(answer) => break answer,
             Err(ExplainedElsewhere(place)) => {
                 read.push((here, declared));
                 (here, declared) = read.swap_remove(place);
                 // Once: the records are not taken to and fro.
-                others.clear();
-                begin = 0.5 * end;
+                (begin, asks_others) = (0.5 * end, false);
             }
         }
     };
@@ -140,27 +142,58 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     let scale = best.scale();
     let mut rivals = Vec::new();
     for (there, declared) in read {
-        let moved = best.moved_to(best.train.values.clone(), there);
+        let mut moved = best.moved_to(best.train.values.clone(), there);
+        // The usual reading is not given up for a valley in which it is not at its best.
+        if ptr::eq(there, case) && !is_unexplained {
+            moved = moved.settled(there);
+        }
         let is_open = !best.is_likelier(&moved);
         if is_open && !is_unexplained {
             diagnosis.hold(&moved.estimates(there));
         }
         let differs = readings_apart(&best.rig, here, there) >= TOLD_APART * scale;
         if differs && (is_open || is_unexplained) {
-            rivals.push((moved.cost(scale), is_open, there, declared));
+            rivals.push(Elsewhere { moved, is_open, case: there, declared });
         }
     }
-    let likeliest = rivals.into_iter().min_by(|(a, ..), (b, ..)| a.total_cmp(b));
-    let Some((_, is_open, there, declared)) = likeliest else { return answer };
+    let is_usual = |there: &Elsewhere<'_>| there.is_open && !is_unexplained && ptr::eq(there.case, case);
+    let price = |there: &Elsewhere<'_>| {
+        if is_usual(there) { f64::NEG_INFINITY } else { there.moved.cost(scale) }
+    };
+    let Some(there) = rivals.into_iter().min_by(|a, b| price(a).total_cmp(&price(b))) else { return answer };
     if diagnosis.verdict == Verdict::Adequate || case.is_over() {
         return answer;
     }
-    let there = there.part([0.6, 1.0], ", in another reading").another();
+    let is_usual = is_usual(&there);
+    let Elsewhere { moved, is_open, case: there, declared } = there;
+    let suggested = Some(&moved).filter(|_| is_open);
+    let there = Case { suggested, ..there.part([0.6, 1.0], ", in another reading").another() };
     if !is_open && !leaves_less(declared.begun(&there), simple, scale) {
         return answer;
     }
-    let Ok(other) = diagnose_from(&there, &declared, &[], settings) else { return answer };
+    let Ok(mut other) = diagnose_from(&there, &declared, &[], settings) else { return answer };
+    if is_usual && !other.is_unexplained() {
+        // What the records do not tell from the usual reading is no reason to take them in another one.
+        let gain = answer.model.cost(scale) - other.model.cost(scale);
+        if gain < -TOLD_APART {
+            return answer;
+        }
+        if gain < TOLD_APART {
+            other.diagnosis.hold(&answer.model.estimates(here));
+        }
+        return other;
+    }
     if other.is_better_than(&answer, scale) { other } else { answer }
+}
+
+/// What another reading of some records makes of an answer.
+struct Elsewhere<'a> {
+    /// Its model, fitted there.
+    moved: Hypothesis,
+    /// May that be it as well?
+    is_open: bool,
+    case: &'a Case<'a>,
+    declared: Declared,
 }
 
 /// The answer to a case whose commands a computer holds from sample to sample, which is half a sample of delay, where that
@@ -240,8 +273,36 @@ impl Declared {
     /// The best model that a short search beside them finds; see [`search::sketch`].
     pub(super) fn sketched(&self, case: &Case<'_>) -> Hypothesis {
         let excerpts = case.excerpts();
-        search::sketch(&case.searched(excerpts.as_deref()), self.begun(case).clone())
+        search::sketch(&case.searched(excerpts.as_deref()), self.begun(case).clone(), MOST_EFFECTS)
     }
+
+    /// Do a few effects beside them leave noise?
+    fn is_explained(&self, case: &Case<'_>) -> bool {
+        !case.is_over()
+            && search::sketch(case, self.begun(case).clone(), EFFECTS_ELSEWHERE).leaves_noise(case)
+    }
+}
+
+/// The place, among other readings, of one in which the effects of a model that leaves more than noise in its own leave noise,
+/// or others do. One effect may be missing so that another seems to speak for a reading; the records are read by one effect
+/// before.
+fn explained_elsewhere(
+    best: &Hypothesis,
+    case: &Case<'_>,
+    others: &[(&Case<'_>, Declared)],
+    asks_for_others: bool,
+) -> Option<usize> {
+    let is_open = best.added.len() >= EFFECTS_ELSEWHERE || asks_for_others;
+    if !is_open || best.leaves_noise(case) {
+        return None;
+    }
+    let moved = |there: &Case<'_>| best.moved_to(best.train.values.clone(), there).leaves_noise(there);
+    let by_itself =
+        others.iter().position(|(there, _)| best.added.len() >= EFFECTS_ELSEWHERE && moved(there));
+    by_itself.or_else(|| {
+        let mut others = others.iter().filter(|_| asks_for_others);
+        others.position(|(there, declared)| declared.is_explained(there))
+    })
 }
 
 /// Diagnoses a case whose declared faults are fitted. A model beside which the times of its jumps were fitted is one of
@@ -252,7 +313,7 @@ impl Declared {
 fn diagnose_from(
     case: &Case<'_>,
     declared: &Declared,
-    others: &[&Case<'_>],
+    others: &[(&Case<'_>, Declared)],
     settings: &FitSettings,
 ) -> Result<Answer, ExplainedElsewhere> {
     let begun = declared.begun(case).clone();
@@ -262,9 +323,15 @@ fn diagnose_from(
     let in_excerpts = excerpts.is_some();
     let searched = case.searched(excerpts.as_deref());
     let known = case.timed.map(|timed| timed.model.clone()).filter(|known| !known.added.is_empty());
-    let known = known.map(|model| if in_excerpts { model.refitted(&searched) } else { model });
+    let model = known.map(|model| if in_excerpts { model.refitted(&searched) } else { model });
+    let suggested = case.suggested.map(|model| model.refitted(&searched));
     let others = if in_excerpts { &[] } else { others };
-    let sound = search::search(&searched, begun, known, others, settings)?;
+    let mut rounds = 0;
+    let elsewhere = |best: &Hypothesis| {
+        rounds += 1;
+        explained_elsewhere(best, &searched, others, rounds == EFFECTS_ELSEWHERE)
+    };
+    let sound = search::search(&searched, begun, Known { model, suggested }, elsewhere, settings)?;
     let Hypothesis { ranges, train: Polished { values, .. }, .. } = &sound.root;
     let there = fit::misfit(case.rig, ranges, values, case.train());
     if there.chi_square < before.misfit.chi_square - BETTER_VALLEY {

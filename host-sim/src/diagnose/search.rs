@@ -11,7 +11,7 @@ use std::iter;
 use std::slice;
 
 /// Most effects that are added.
-const MOST_EFFECTS: usize = 5;
+pub(super) const MOST_EFFECTS: usize = 5;
 /// Most of them where they leave noise.
 const MOST_EXPLAINED: usize = 3;
 /// Hypotheses that are grown further.
@@ -110,33 +110,44 @@ fn round(added: usize) -> String {
     format!("trying effects, round {}", added + 1)
 }
 
-/// The place, among other readings of the records, of one in which the effects that were found in this one leave noise.
+/// The place, among other readings of the records, of one that explains them where this one does not.
 pub(super) struct ExplainedElsewhere(pub(super) usize);
 
+/// What is known before a search.
+#[derive(Default)]
+pub(super) struct Known {
+    /// A model that what is found is weighed against.
+    pub(super) model: Option<Hypothesis>,
+    /// A model that is tried when as many effects are.
+    pub(super) suggested: Option<Hypothesis>,
+}
+
 /// Grows the model with the declared faults alone by more effects than the first, and drops what does not earn its place.
-/// What is found is weighed against a model that is known already, if there is one.
+/// `elsewhere` is asked before each round whether another reading explains the records better than the best so far.
 ///
 /// # Errors
-/// Several effects leave more than noise here, and noise in one of some other readings.
+/// It does.
 pub(super) fn search(
     case: &Case<'_>,
     FirstRound { root, grown, .. }: FirstRound,
-    known: Option<Hypothesis>,
-    others: &[&Case<'_>],
+    Known { model, suggested }: Known,
+    mut elsewhere: impl FnMut(&Hypothesis) -> Option<usize>,
     settings: &FitSettings,
 ) -> Result<Sound, ExplainedElsewhere> {
-    let mut growth = Growth { case, tried: known.into_iter().collect() };
+    let mut growth = Growth { case, tried: model.into_iter().collect(), suggested };
     let root = [root];
     let beam = growth.chosen(&root, grown);
     let beam = growth.or_followed(beam, &root, settings, [0.05, 0.1]);
-    let mut elsewhere = None;
+    let mut place = None;
     growth.run_until(beam, [0.1, 0.55], |best| {
-        elsewhere = explained_elsewhere(best, case, others);
-        elsewhere.is_some()
+        place = elsewhere(best);
+        place.is_some()
     });
-    if let Some(place) = elsewhere {
+    if let Some(place) = place {
         return Err(ExplainedElsewhere(place));
     }
+    let suggested = growth.suggested.take();
+    growth.tried.extend(suggested);
     growth.look_beside_the_first();
     growth.look_again();
     if case.searches_far {
@@ -168,21 +179,12 @@ pub(super) fn search(
     Ok(Sound { simple, ..sound })
 }
 
-/// Does a model of several effects that leaves more than noise of records leave noise in another reading of them? One effect
-/// may be missing so that another seems to speak for a reading; the records are read by one effect before.
-fn explained_elsewhere(best: &Hypothesis, case: &Case<'_>, others: &[&Case<'_>]) -> Option<usize> {
-    if best.added.len() < 2 || best.leaves_noise(case) {
-        return None;
-    }
-    others.iter().position(|there| best.moved_to(best.train.values.clone(), there).leaves_noise(there))
-}
-
-/// The best of a search that ends as soon as what is left of the fitted records may be noise, and looks for nothing to which
-/// no slope leads: what the times of jumps are fitted beside.
-pub(super) fn sketch(case: &Case<'_>, FirstRound { root, grown, .. }: FirstRound) -> Hypothesis {
-    let mut growth = Growth { case, tried: Vec::new() };
+/// The best of a search that ends as soon as what is left of the fitted records may be noise, or with so many effects, and
+/// looks for nothing to which no slope leads.
+pub(super) fn sketch(case: &Case<'_>, FirstRound { root, grown, .. }: FirstRound, most: usize) -> Hypothesis {
+    let mut growth = Growth { case, tried: Vec::new(), suggested: None };
     let beam = growth.chosen(slice::from_ref(&root), grown);
-    growth.run_until(beam, [0.1, 1.0], |best| within_noise(&best.train.misfit));
+    growth.run_until(beam, [0.1, 1.0], |best| best.added.len() >= most || within_noise(&best.train.misfit));
     cheapest(growth.tried.iter()).unwrap_or(&root).clone()
 }
 
@@ -191,6 +193,8 @@ struct Growth<'a> {
     case: &'a Case<'a>,
     /// All that was tried.
     tried: Vec<Hypothesis>,
+    /// What is tried as well when as many effects are.
+    suggested: Option<Hypothesis>,
 }
 
 impl Growth<'_> {
@@ -236,12 +240,16 @@ impl Growth<'_> {
 
     /// Keeps a beam and what grew from it, and says what is grown next: nothing where that would not help.
     fn chosen(&mut self, beam: &[Hypothesis], mut grown: Vec<Hypothesis>) -> Vec<Hypothesis> {
+        if let Some(suggested) = self.suggested.take_if(|model| model.added.len() == beam[0].added.len() + 1)
+        {
+            weighing::learn(&mut grown, suggested);
+        }
         self.tried.retain(|known| !beam.iter().any(|moved| moved.same_effects(known)));
         self.tried.extend(beam.iter().chain(&grown).cloned());
         if self.is_beaten() {
             return Vec::new();
         }
-        let Self { case, tried } = &*self;
+        let Self { case, tried, .. } = &*self;
         let scale = least_scale(tried.iter());
         grown.sort_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)));
         let best = grown.first().map_or(f64::INFINITY, |first| first.cost(scale));
@@ -293,7 +301,7 @@ impl Growth<'_> {
     /// Does something that was tried leave noise, of effects that earn their place, is another explanation cheaper, or is
     /// the user in a hurry?
     fn is_done(&self) -> bool {
-        let Self { case, tried } = self;
+        let Self { case, tried, .. } = self;
         let explains = |known: &Hypothesis| known.leaves_noise(case) && known.is_welcome(case, tried);
         case.is_over() || self.is_beaten() || tried.iter().any(explains)
     }
@@ -373,7 +381,7 @@ impl Growth<'_> {
         if self.is_done() {
             return;
         }
-        let Self { case, tried } = &*self;
+        let Self { case, tried, .. } = &*self;
         case.progress.begin("searching from afar", [0.65, 0.75]);
         let bound = tried.iter().map(|known| known.train.misfit.chi_square).fold(f64::INFINITY, f64::min);
         let Some(root) = root(tried).cloned() else { return };
@@ -510,7 +518,7 @@ mod tests {
             let added = tried.iter().map(|name| EffectInfo::named(name).unwrap()).collect();
             let fits = [fit.clone(), fit];
             let known = Hypothesis::of(&case, rig.clone(), rig.declared(), fits, added);
-            Growth { case: &case, tried: vec![known] }.is_beaten()
+            Growth { case: &case, tried: vec![known], suggested: None }.is_beaten()
         };
         let rival = Rival { scale: 2.0, cost: 0.0, cost_of_fitted: 0.0, leaves_noise: false, effects: 1 };
         assert!(!is_beaten(&[], rival));
@@ -518,5 +526,33 @@ mod tests {
         assert!(is_beaten(&["leakage", "stribeck"], rival));
         assert!(is_beaten(&["leakage"], Rival { leaves_noise: true, ..rival }));
         assert!(!is_beaten(&["leakage", "stribeck"], Rival { cost: f64::INFINITY, ..rival }));
+    }
+
+    #[test]
+    fn what_is_suggested_is_grown_when_as_many_effects_are() {
+        let rig = Rig::load("eha").unwrap();
+        let truth = with(&rig, Parameter::ConstantLoad, 500.0);
+        let records = [record(&truth)];
+        let case = Case::new(&rig, &records, 1);
+        let model = |rig: &Rig, added: &[&str]| {
+            let start = [rig.parameters.bkl, rig.parameters.fdj];
+            let fit = fit::polish(rig, &rig.faults, &start, &records).unwrap();
+            let added = added.iter().map(|name| EffectInfo::named(name).unwrap()).collect();
+            Hypothesis::of(&case, rig.clone(), rig.declared(), [fit.clone(), fit], added)
+        };
+        let [root, one, other] = [
+            model(&rig, &[]),
+            model(&truth, &["constant-load"]),
+            model(&truth, &["constant-load", "leakage"]),
+        ];
+        let names = |suggested: Option<&Hypothesis>| -> Vec<&str> {
+            let mut growth = Growth { case: &case, tried: Vec::new(), suggested: suggested.cloned() };
+            let beam = growth.chosen(std::slice::from_ref(&root), Vec::new());
+            assert_eq!(growth.suggested.is_some(), beam.is_empty() && suggested.is_some());
+            beam.iter().flat_map(|model| &model.added).map(|effect| effect.name).collect()
+        };
+        assert_eq!(names(Some(&one)), ["constant-load"]);
+        assert_eq!(names(Some(&other)), [""; 0]);
+        assert_eq!(names(None), [""; 0]);
     }
 }

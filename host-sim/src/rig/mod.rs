@@ -183,6 +183,12 @@ impl Rig {
         Self { parameters, ..self.clone() }
     }
 
+    /// The rig that reads records as another one does: what commands do between samples, and when a spool sticks.
+    #[must_use]
+    pub fn reading_as(&self, other: &Self) -> Self {
+        Self { command_path: other.command_path, ..self.with_spool_of(other) }
+    }
+
     /// The rig without its controller: in open loop.
     #[must_use]
     pub fn opened(&self) -> Self {
