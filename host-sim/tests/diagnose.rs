@@ -4,6 +4,7 @@ use reference_plant::{
     Command, DEFAULT_STEP, Mount, Plant, Record, Rule, Tone, add_filtered_noise, add_noise, quantise,
 };
 use serde_json::Value;
+use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process;
@@ -405,6 +406,35 @@ fn a_supply_may_sag_with_another_lag_than_the_usual() {
     let mut plant = faulty();
     (plant.effects.supply_sag, plant.effects.supply_sag_lag) = (2.5, 0.08);
     explained_by(&plant, 1, "supply-sag");
+}
+
+#[test]
+fn two_effects_that_speak_for_a_held_command_are_named() {
+    // Either alone makes half a sample of delay likelier; with one found so, the other is not to be seen.
+    let mut plant = faulty();
+    (plant.parameters.backlash, plant.parameters.jack_friction) = (1e-4, 1300.0);
+    (plant.parameters.motor_hysteresis, plant.effects.sensor_lag) = (0.1, 6e-4);
+    let tones = |t: f64| 5e-3 * (TAU * t).sin() + 1.2e-3 * (TAU * 5.0 * t).sin();
+    let held = Command::Sampled((0..SAMPLES).map(|sample| tones(sample as f64 * 1e-3)).collect(), 1e-3);
+    let directory = tempfile::tempdir().unwrap();
+    let commands = [Command::Chirp { amplitude: 9e-3 }, Command::Mixed, held];
+    let paths: Vec<PathBuf> = commands
+        .iter()
+        .zip(1..)
+        .map(|(flown, seed)| {
+            save_position(directory.path(), plant.record(flown, SAMPLES), POSITION_NOISE, seed)
+        })
+        .collect();
+    let result = host_sim("diagnose", |command| command.args(&paths[..2]).arg("--holdout").arg(&paths[2]));
+    assert_eq!(result["verdict"], "explained", "{result:#}");
+    let classes: Vec<&Value> =
+        result["effects"].as_array().unwrap().iter().map(|found| &found["class"]).collect();
+    for effect in ["sensor-lag", "torque-motor-hysteresis"] {
+        let names = |class: &&Value| class.as_array().unwrap().iter().any(|name| name == effect);
+        assert!(classes.iter().any(names), "{effect}: {classes:?}");
+    }
+    let claims = result["warnings"].as_array().unwrap().iter().map(Value::to_string);
+    assert!(!claims.into_iter().any(|text| text.contains("the records are read so")), "{result:#}");
 }
 
 #[test]

@@ -126,7 +126,8 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     let (mut here, mut declared) = read.swap_remove(likeliest);
     let (mut begin, mut asks_others) = (0.0, true);
     let mut answer = loop {
-        let others = if asks_others { &read[..] } else { &[] };
+        let others = Others { read: &read, has_usual: !ptr::eq(here, case), asked: 0 };
+        let others = if asks_others { others } else { Others::NONE };
         match diagnose_from(&here.part([begin, end], ""), &declared, others, settings) {
             Ok(answer) => break answer,
             Err(ExplainedElsewhere(place)) => {
@@ -171,7 +172,7 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     if !is_open && !leaves_less(declared.begun(&there), simple, scale) {
         return answer;
     }
-    let Ok(mut other) = diagnose_from(&there, &declared, &[], settings) else { return answer };
+    let Ok(mut other) = diagnose_from(&there, &declared, Others::NONE, settings) else { return answer };
     if is_usual && !other.is_unexplained() {
         // What the records do not tell from the usual reading is no reason to take them in another one.
         let gain = answer.model.cost(scale) - other.model.cost(scale);
@@ -283,26 +284,43 @@ impl Declared {
     }
 }
 
-/// The place, among other readings, of one in which the effects of a model that leaves more than noise in its own leave noise,
-/// or others do. One effect may be missing so that another seems to speak for a reading; the records are read by one effect
-/// before.
-fn explained_elsewhere(
-    best: &Hypothesis,
-    case: &Case<'_>,
-    others: &[(&Case<'_>, Declared)],
-    asks_for_others: bool,
-) -> Option<usize> {
-    let is_open = best.added.len() >= EFFECTS_ELSEWHERE || asks_for_others;
-    if !is_open || best.leaves_noise(case) {
-        return None;
+/// Other readings of the records of a search.
+struct Others<'a> {
+    /// They, the usual one first, if it is one of them.
+    read: &'a [(&'a Case<'a>, Declared)],
+    has_usual: bool,
+    /// How often they were asked.
+    asked: usize,
+}
+
+impl Others<'_> {
+    const NONE: Self = Self { read: &[], has_usual: false, asked: 0 };
+
+    /// The place of one in which the effects of a model that leaves more than noise in its own reading leave noise, or others
+    /// do. One effect may be missing so that another seems to speak for a reading; the records are read by one effect before.
+    /// The usual one is asked what others do there before anything is looked for, the rest when two effects were found.
+    fn explain(&mut self, best: &Hypothesis, case: &Case<'_>) -> Option<usize> {
+        self.asked += 1;
+        if best.leaves_noise(case) {
+            return None;
+        }
+        let moved = |(there, _): &(&Case<'_>, Declared)| {
+            best.moved_to(best.train.values.clone(), there).leaves_noise(there)
+        };
+        let by_itself =
+            if best.added.len() >= EFFECTS_ELSEWHERE { self.read.iter().position(moved) } else { None };
+        let usual = usize::from(self.has_usual);
+        let places = match self.asked {
+            1 => 0..usual,
+            // Once more before the round of two effects, and then after it.
+            3 => usual..self.read.len(),
+            _ => 0..0,
+        };
+        let is_explained = |place: &usize| {
+            self.read.get(*place).is_some_and(|(there, declared)| declared.is_explained(there))
+        };
+        by_itself.or_else(|| places.clone().find(is_explained))
     }
-    let moved = |there: &Case<'_>| best.moved_to(best.train.values.clone(), there).leaves_noise(there);
-    let by_itself =
-        others.iter().position(|(there, _)| best.added.len() >= EFFECTS_ELSEWHERE && moved(there));
-    by_itself.or_else(|| {
-        let mut others = others.iter().filter(|_| asks_for_others);
-        others.position(|(there, declared)| declared.is_explained(there))
-    })
 }
 
 /// Diagnoses a case whose declared faults are fitted. A model beside which the times of its jumps were fitted is one of
@@ -313,7 +331,7 @@ fn explained_elsewhere(
 fn diagnose_from(
     case: &Case<'_>,
     declared: &Declared,
-    others: &[(&Case<'_>, Declared)],
+    others: Others<'_>,
     settings: &FitSettings,
 ) -> Result<Answer, ExplainedElsewhere> {
     let begun = declared.begun(case).clone();
@@ -325,12 +343,8 @@ fn diagnose_from(
     let known = case.timed.map(|timed| timed.model.clone()).filter(|known| !known.added.is_empty());
     let model = known.map(|model| if in_excerpts { model.refitted(&searched) } else { model });
     let suggested = case.suggested.map(|model| model.refitted(&searched));
-    let others = if in_excerpts { &[] } else { others };
-    let mut rounds = 0;
-    let elsewhere = |best: &Hypothesis| {
-        rounds += 1;
-        explained_elsewhere(best, &searched, others, rounds == EFFECTS_ELSEWHERE)
-    };
+    let mut others = if in_excerpts { Others::NONE } else { others };
+    let elsewhere = |best: &Hypothesis| others.explain(best, &searched);
     let sound = search::search(&searched, begun, Known { model, suggested }, elsewhere, settings)?;
     let Hypothesis { ranges, train: Polished { values, .. }, .. } = &sound.root;
     let there = fit::misfit(case.rig, ranges, values, case.train());

@@ -123,7 +123,8 @@ pub(super) struct Known {
 }
 
 /// Grows the model with the declared faults alone by more effects than the first, and drops what does not earn its place.
-/// `elsewhere` is asked before each round whether another reading explains the records better than the best so far.
+/// `elsewhere` is asked once before anything is looked for, and then before each round, whether another reading explains the
+/// records better than the best so far.
 ///
 /// # Errors
 /// It does.
@@ -137,12 +138,14 @@ pub(super) fn search(
     let mut growth = Growth { case, tried: model.into_iter().collect(), suggested };
     let root = [root];
     let beam = growth.chosen(&root, grown);
-    let beam = growth.or_followed(beam, &root, settings, [0.05, 0.1]);
-    let mut place = None;
-    growth.run_until(beam, [0.1, 0.55], |best| {
-        place = elsewhere(best);
-        place.is_some()
-    });
+    let mut place = cheapest(growth.tried.iter()).and_then(&mut elsewhere);
+    if place.is_none() {
+        let beam = growth.or_followed(beam, &root, settings, [0.05, 0.1]);
+        growth.run_until(beam, [0.1, 0.55], |best| {
+            place = elsewhere(best);
+            place.is_some()
+        });
+    }
     if let Some(place) = place {
         return Err(ExplainedElsewhere(place));
     }
