@@ -50,6 +50,18 @@ fn save_position(directory: &Path, record: Record, noise: f64, seed: u64) -> Pat
     path
 }
 
+/// The positions of some commands as they are flown, each with noise of its own.
+fn save_positions(
+    directory: &Path,
+    commands: &[Command; 3],
+    fly: impl Fn(&Command) -> Record,
+    noise: f64,
+    seed: u64,
+) -> Vec<PathBuf> {
+    let flown = commands.iter().zip(seed..);
+    flown.map(|(command, seed)| save_position(directory, fly(command), noise, seed)).collect()
+}
+
 /// The text of a record at 1 kHz.
 fn csv(columns: &[(&str, &Vec<f64>)]) -> String {
     let mut text = String::from("t_s");
@@ -101,11 +113,7 @@ fn diagnose_positions(plant: &Plant, commands: &[Command; 3], noise: f64, seed: 
     let directory = tempfile::tempdir().unwrap();
     let rig = directory.path().join("rig.toml");
     std::fs::write(&rig, "base = \"eha\"\n[model]\ncommand-path = \"curve\"\n").unwrap();
-    let paths: Vec<PathBuf> = commands
-        .iter()
-        .zip(seed..)
-        .map(|(flown, seed)| save_position(directory.path(), fly_curve(plant, flown), noise, seed))
-        .collect();
+    let paths = save_positions(directory.path(), commands, |flown| fly_curve(plant, flown), noise, seed);
     let [first, second, held] = &paths[..] else { unreachable!("three commands") };
     host_sim("diagnose", |command| {
         command.args([first, second]).arg("--holdout").arg(held).arg("--rig").arg(rig)
@@ -418,20 +426,12 @@ fn two_effects_that_speak_for_a_held_command_are_named() {
     let held = Command::Sampled((0..SAMPLES).map(|sample| tones(sample as f64 * 1e-3)).collect(), 1e-3);
     let directory = tempfile::tempdir().unwrap();
     let commands = [Command::Chirp { amplitude: 9e-3 }, Command::Mixed, held];
-    let paths: Vec<PathBuf> = commands
-        .iter()
-        .zip(1..)
-        .map(|(flown, seed)| {
-            save_position(directory.path(), plant.record(flown, SAMPLES), POSITION_NOISE, seed)
-        })
-        .collect();
+    let fly = |flown: &Command| plant.record(flown, SAMPLES);
+    let paths = save_positions(directory.path(), &commands, fly, POSITION_NOISE, 1);
     let result = host_sim("diagnose", |command| command.args(&paths[..2]).arg("--holdout").arg(&paths[2]));
     assert_eq!(result["verdict"], "explained", "{result:#}");
-    let classes: Vec<&Value> =
-        result["effects"].as_array().unwrap().iter().map(|found| &found["class"]).collect();
     for effect in ["sensor-lag", "torque-motor-hysteresis"] {
-        let names = |class: &&Value| class.as_array().unwrap().iter().any(|name| name == effect);
-        assert!(classes.iter().any(names), "{effect}: {classes:?}");
+        assert!(class(&result).iter().any(|name| name == effect), "{effect}: {:?}", class(&result));
     }
     let claims = result["warnings"].as_array().unwrap().iter().map(Value::to_string);
     assert!(!claims.into_iter().any(|text| text.contains("the records are read so")), "{result:#}");

@@ -6,7 +6,7 @@ use super::state::State;
 use crate::scalar::Real;
 
 /// Where a motion is inside a sample. Between two of these that follow one another it is smooth, and does not turn back.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Waypoint<T> {
     /// Share of the sample that has passed, from 0 to 1.
     pub share: T,

@@ -310,16 +310,13 @@ impl Others<'_> {
         let by_itself =
             if best.added.len() >= EFFECTS_ELSEWHERE { self.read.iter().position(moved) } else { None };
         let usual = usize::from(self.has_usual);
-        let places = match self.asked {
+        let mut places = match self.asked {
             1 => 0..usual,
             // Once more before the round of two effects, and then after it.
             3 => usual..self.read.len(),
             _ => 0..0,
         };
-        let is_explained = |place: &usize| {
-            self.read.get(*place).is_some_and(|(there, declared)| declared.is_explained(there))
-        };
-        by_itself.or_else(|| places.clone().find(is_explained))
+        by_itself.or_else(|| places.find(|&place| self.read[place].1.is_explained(self.read[place].0)))
     }
 }
 

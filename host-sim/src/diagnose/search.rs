@@ -114,7 +114,6 @@ fn round(added: usize) -> String {
 pub(super) struct ExplainedElsewhere(pub(super) usize);
 
 /// What is known before a search.
-#[derive(Default)]
 pub(super) struct Known {
     /// A model that what is found is weighed against.
     pub(super) model: Option<Hypothesis>,
@@ -510,17 +509,21 @@ mod tests {
     use eha_monitor::effect::EffectInfo;
     use eha_monitor::parameter::Parameter;
 
+    /// A rig with its faults fitted to the records of a case, and some effects in it.
+    fn model(case: &Case<'_>, rig: &Rig, added: &[&str]) -> Hypothesis {
+        let start = [rig.parameters.bkl, rig.parameters.fdj];
+        let fit = fit::polish(rig, &rig.faults, &start, case.records).unwrap();
+        let added = added.iter().map(|name| EffectInfo::named(name).unwrap()).collect();
+        Hypothesis::of(case, rig.clone(), rig.declared(), [fit.clone(), fit], added)
+    }
+
     #[test]
     fn a_rival_with_something_left_is_no_better_than_one_more_effect() {
         let rig = Rig::load("eha").unwrap();
         let records = [record(&with(&rig, Parameter::ConstantLoad, 500.0))];
         let is_beaten = |tried: &[&str], rival: Rival| {
             let case = Case { rival: Some(rival), ..Case::new(&rig, &records, 1) };
-            let start = [rig.parameters.bkl, rig.parameters.fdj];
-            let fit = fit::polish(&rig, &rig.faults, &start, &records).unwrap();
-            let added = tried.iter().map(|name| EffectInfo::named(name).unwrap()).collect();
-            let fits = [fit.clone(), fit];
-            let known = Hypothesis::of(&case, rig.clone(), rig.declared(), fits, added);
+            let known = model(&case, &rig, tried);
             Growth { case: &case, tried: vec![known], suggested: None }.is_beaten()
         };
         let rival = Rival { scale: 2.0, cost: 0.0, cost_of_fitted: 0.0, leaves_noise: false, effects: 1 };
@@ -537,17 +540,9 @@ mod tests {
         let truth = with(&rig, Parameter::ConstantLoad, 500.0);
         let records = [record(&truth)];
         let case = Case::new(&rig, &records, 1);
-        let model = |rig: &Rig, added: &[&str]| {
-            let start = [rig.parameters.bkl, rig.parameters.fdj];
-            let fit = fit::polish(rig, &rig.faults, &start, &records).unwrap();
-            let added = added.iter().map(|name| EffectInfo::named(name).unwrap()).collect();
-            Hypothesis::of(&case, rig.clone(), rig.declared(), [fit.clone(), fit], added)
-        };
-        let [root, one, other] = [
-            model(&rig, &[]),
-            model(&truth, &["constant-load"]),
-            model(&truth, &["constant-load", "leakage"]),
-        ];
+        let root = model(&case, &rig, &[]);
+        let [one, other] =
+            [&["constant-load"][..], &["constant-load", "leakage"]].map(|added| model(&case, &truth, added));
         let names = |suggested: Option<&Hypothesis>| -> Vec<&str> {
             let mut growth = Growth { case: &case, tried: Vec::new(), suggested: suggested.cloned() };
             let beam = growth.chosen(std::slice::from_ref(&root), Vec::new());
