@@ -392,6 +392,19 @@ fn what_rings_is_found_in_its_first_moments() {
     let result = diagnose_positions(&plant, &commands, 3e-6, 1);
     assert_eq!(result["verdict"], "explained", "{result:#}");
     assert_eq!(class(&result), ["compressibility"]);
+    // Beside another effect, without which it does not explain even these.
+    (plant.parameters.backlash, plant.parameters.jack_friction) = (2e-4, 860.0);
+    (plant.effects.bulk_modulus, plant.effects.sensor_delay) = (Some(1.25e9), 1.5e-3);
+    let result = diagnose_positions(&plant, &commands, 2e-6, 1);
+    assert_eq!(result["verdict"], "explained", "{result:#}");
+    let found = class(&result);
+    assert!(
+        ["compressibility", "sensor-delay"].iter().all(|name| found.contains(&(*name).to_owned())),
+        "{found:?}"
+    );
+    for (interval, truth) in intervals_of_faults(&result).into_iter().zip([2e-4, 860.0]) {
+        assert!(interval[0] < truth && truth < interval[1], "{interval:?} {truth}");
+    }
 }
 
 #[test]

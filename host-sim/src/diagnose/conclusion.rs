@@ -168,6 +168,10 @@ pub(super) fn conclude(
             for other in &others {
                 estimate.hold(&other[index]);
             }
+            // Terms beside which more than noise is left move the faults, to the truth or away from it.
+            if !noise_only {
+                estimate.hold(&before.estimates[index]);
+            }
             Fault { estimate, confounded_with: open.confounded[index].clone() }
         })
         .collect();

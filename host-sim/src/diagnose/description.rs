@@ -6,6 +6,8 @@ use eha_monitor::model::state::Outputs;
 
 /// Correlation with a quantity of the motion from which on what is left is said to follow it.
 const FOLLOWS: f64 = 0.5;
+/// How many times as long as what is left a quantity may act for that to follow it: the end of a chirp is no drift.
+const LONGER: usize = 2;
 /// Share of the power in one frequency from which on it is said to be a tone.
 const TONE: f64 = 0.4;
 
@@ -39,14 +41,18 @@ fn of_record(record: &Prepared, outputs: &[Outputs<f64>]) -> Description {
     let left: Vec<f64> =
         left_at_each(record, outputs).into_iter().map(|left| left.unwrap_or(f64::NAN)).collect();
     let ram: Vec<f64> = outputs.iter().map(|output| output.ram).collect();
+    let active = active(&left);
+    let length = |[from, to]: [usize; 2]| to - from;
+    let acts_as_long =
+        |quantity: &Quantity| length(self::active(&quantity.values)) <= LONGER * length(active);
     let follows = motion(&ram, period, &left)
         .into_iter()
+        .filter(acts_as_long)
         .filter_map(|quantity| Some((quantity.in_words?, correlation(&left, &quantity.values))))
         .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
         .filter(|(_, correlation)| correlation.abs() > FOLLOWS);
-    let active = active(&left).map(|sample| sample as f64 * period);
     let tone = fit::strongest_tone(&left, period).filter(|(_, share)| *share > TONE);
-    Description { record: 0, follows, active, tone }
+    Description { record: 0, follows, active: active.map(|sample| sample as f64 * period), tone }
 }
 
 /// A quantity of a motion that a residual may follow.
@@ -60,8 +66,8 @@ pub struct Quantity {
     pub values: Vec<f64>,
 }
 
-/// Quantities of the motion of a ram, at the samples of a residual that are not NaN. Means are taken off all but the first; at
-/// rest the direction is neither of the two.
+/// Quantities of the motion of a ram, at the samples of a residual that are not NaN. Means are taken off all but a
+/// constant and the time, since a drift begins with nothing; at rest the direction is neither of the two.
 pub fn motion(ram: &[f64], sample_period: f64, left: &[f64]) -> Vec<Quantity> {
     let last = ram.len().saturating_sub(1);
     let slope = |series: &[f64]| -> Vec<f64> {
@@ -95,7 +101,7 @@ pub fn motion(ram: &[f64], sample_period: f64, left: &[f64]) -> Vec<Quantity> {
         ),
         // Of what swings it is the position, turned round.
         quantity("acceleration", None, centred(acceleration)),
-        quantity("time", Some("time (a drift)"), centred((0..ram.len()).map(|k| k as f64).collect())),
+        quantity("time", Some("time (a drift)"), compared((0..ram.len()).map(|k| k as f64).collect())),
     ]
 }
 
@@ -176,6 +182,19 @@ mod tests {
         // As strong, and no tone.
         let scattered = |k: usize| 1e-5 * (k as f64 * k as f64 * 0.618).sin();
         assert_eq!(described(20_000, &[&scattered]).tone, None);
+    }
+
+    #[test]
+    fn what_is_left_at_the_end_alone_is_no_drift() {
+        let drift = |k: usize| 1e-8 * (k as f64 - 1000.0);
+        let end = |k: usize| if k < 1700 { 0.0 } else { 1e-5 };
+        let follows = |left: &dyn Fn(usize) -> f64| described(2000, &[left]).follows.map(|(name, _)| name);
+        assert_eq!(follows(&drift), Some("time (a drift)"));
+        assert_eq!(follows(&end), None);
+        // It would by its correlation.
+        let left: Vec<f64> = (0..2000).map(end).collect();
+        let time = motion(&[0.0; 2000], 1e-3, &left).pop().unwrap();
+        assert!(correlation(&left, &time.values) > FOLLOWS);
     }
 
     #[test]

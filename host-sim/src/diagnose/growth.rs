@@ -123,7 +123,7 @@ impl Hypothesis {
 
     /// The effects that the fitted records may ask for. What is left after an effect is coloured: what takes less than
     /// a tenth of it is not worth a fit.
-    fn promising(&self, case: &Case<'_>, all_wanted: bool) -> Vec<Candidate> {
+    pub(super) fn promising(&self, case: &Case<'_>, all_wanted: bool) -> Vec<Candidate> {
         let wanted = beyond_noise(&self.train.misfit).filter(|_| !self.added.is_empty());
         self.fit_promising(case, wanted.unwrap_or(0.0), &[], all_wanted)
     }
@@ -143,7 +143,7 @@ impl Hypothesis {
     }
 
     /// The model with a candidate in it.
-    fn joined(&self, case: &Case<'_>, candidate: Candidate) -> Self {
+    pub(super) fn joined(&self, case: &Case<'_>, candidate: Candidate) -> Self {
         let added = self.and(candidate.effect);
         Self::validated(case, candidate.applied(&self.rig), candidate.ranges, candidate.fit, added)
     }

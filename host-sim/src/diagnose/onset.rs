@@ -8,12 +8,14 @@ use super::Case;
 use super::candidate::{self, Candidate};
 use super::hypothesis::Hypothesis;
 use super::place::{self, Place};
+use super::search::BEAM;
 use crate::fit::{self, FitSettings, Prepared};
 use crate::interrupt;
 use crate::rig::Range;
 use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::fit::identify::within_noise;
 use rayon::prelude::*;
+use std::cmp::Ordering;
 use std::iter;
 
 /// The first moments, s, and the factor by which they grow.
@@ -21,6 +23,8 @@ const FIRST_S: f64 = 0.1;
 /// Fewest samples of them: those that 100 Hz gives. Records that are sampled more slowly have later first moments.
 const FEWEST_SAMPLES: f64 = 10.0;
 const GROWTH: f64 = 1.15;
+/// Part of the records up to which moments are first ones: in longer ones there are no fewer valleys than in the whole.
+const FIRST_PART: f64 = 0.5;
 /// By how many such factors at once they grow as long as that leaves noise.
 const STRIDE: usize = 4;
 /// How many of them, the first that ask for something and those after it, are searched before an effect is given up.
@@ -31,61 +35,149 @@ const SIEVE: u32 = 4;
 /// Mean square, in units of the noise, of what an effect leaves of them from which on it does not explain them.
 const BEYOND_NOISE: f64 = 2.0;
 
+/// An effect beside a model that is followed from moment to moment.
+#[derive(Clone)]
+struct Followed {
+    /// Which moment it has come to.
+    moment: usize,
+    /// Its fit there.
+    there: Candidate,
+    /// The last moment that it explains, if it explains any, and its fit there.
+    explained: Option<(usize, Candidate)>,
+}
+
+impl Followed {
+    /// At a moment.
+    fn at(moment: usize, there: Candidate) -> Self {
+        let explained = there.explains().then(|| (moment, there.clone()));
+        Self { moment, there, explained }
+    }
+
+    /// Fitted beside a model from each moment to the next, as long as it explains these, or nearly.
+    fn on(mut self, model: &Hypothesis, moments: &[Vec<Prepared>]) -> Self {
+        while self.moment + 1 < moments.len() && !interrupt::requested() {
+            let after = |stride: usize| {
+                let moment = (self.moment + stride).min(moments.len() - 1);
+                Some(Self::at(moment, self.there.clone().finished(&model.rig, &moments[moment])?))
+            };
+            let is_near = |next: &Self| next.there.fit.misfit.mean_square() <= BEYOND_NOISE;
+            let next =
+                after(STRIDE).filter(|next| next.explained.is_some()).or_else(|| after(1).filter(is_near));
+            let Some(next) = next else { break };
+            self = Self { explained: next.explained.or(self.explained), ..next };
+        }
+        self
+    }
+
+    /// Which of two explains more moments, or leaves less of the last one.
+    fn further(a: &Self, b: &Self) -> Ordering {
+        let explained = |followed: &Self| followed.explained.as_ref().map(|&(moment, _)| moment);
+        explained(b).cmp(&explained(a)).then_with(|| candidate::lower(&a.there, &b.there))
+    }
+}
+
 impl Hypothesis {
     /// The hypotheses with one more effect that explain the first moments of the fitted records which this one does not
-    /// explain. What does not explain all later ones is then as good as it can be from where it last did.
+    /// explain. What does not explain all later ones is then as good as it can be from where it last did. Where none explains
+    /// the whole, and there is no other effect yet, those with two that do.
     pub(super) fn followed(&self, case: &Case<'_>, settings: &FitSettings) -> Vec<Self> {
-        self.with(case, self.effects_followed(case, settings))
+        let moments = self.unexplained_moments(case, settings);
+        let mut singles = self.each_followed(case, &moments, settings);
+        let mut found = self.with(case, self.finished(case, &singles));
+        if self.added.is_empty() && !found.iter().any(|new| within_noise(&new.train.misfit)) {
+            singles.sort_by(Followed::further);
+            singles.truncate(BEAM);
+            found.par_extend(
+                singles.into_par_iter().flat_map_iter(|single| self.pairs_of(case, single, &moments)),
+            );
+        }
+        found
     }
 
-    /// The effects of these; all that is free is fitted with each.
-    fn effects_followed(&self, case: &Case<'_>, settings: &FitSettings) -> Vec<Candidate> {
-        let all = moments(case.train());
-        let is_explained = |records: &Vec<Prepared>| {
-            within_noise(&fit::fit(&self.rig, &self.ranges, records, settings, |_| {}).misfit)
-        };
-        let open: Vec<Vec<Prepared>> = all.skip_while(is_explained).collect();
-        let applied = |effect: &&'static EffectInfo| candidate::applies(effect, &self.rig, &self.ranges);
-        let applied: Vec<_> = EFFECTS.iter().filter(applied).collect();
-        case.progress.expect(applied.len());
-        let follow = |effect| case.told(self.follow(effect, &open, case.train(), settings));
-        applied.into_par_iter().filter_map(follow).collect()
-    }
-
-    /// The same for the sake of a class: none where the faults cannot be far off to make up for an effect. Without effects
-    /// they were searched for; where laws are not affine, this would take minutes.
+    /// The effects that explain the first moments beside this model, for the sake of a class: none where the faults cannot be
+    /// far off to make up for an effect. Without effects they were searched for; where laws are not affine, this would take
+    /// minutes.
     pub(super) fn effects_made_up_for(&self, case: &Case<'_>, settings: &FitSettings) -> Vec<Candidate> {
         let may_be_far =
             !self.added.is_empty() && case.hides_friction() && fit::is_affine(&self.rig, &self.ranges);
-        if may_be_far && !case.is_over() { self.effects_followed(case, settings) } else { Vec::new() }
+        if !may_be_far || case.is_over() {
+            return Vec::new();
+        }
+        self.finished(case, &self.each_followed(case, &self.unexplained_moments(case, settings), settings))
     }
 
-    /// An effect fitted from moment to moment, and to the whole; none where it explains none of the first.
-    fn follow(
+    /// The first moments of the fitted records that this model does not explain, all that is free fitted to them, and all
+    /// later ones.
+    fn unexplained_moments(&self, case: &Case<'_>, settings: &FitSettings) -> Vec<Vec<Prepared>> {
+        let is_explained = |records: &Vec<Prepared>| {
+            within_noise(&fit::fit(&self.rig, &self.ranges, records, settings, |_| {}).misfit)
+        };
+        moments(case.train()).skip_while(is_explained).collect()
+    }
+
+    /// Each effect that can act beside this model, from the first of some moments on.
+    fn each_followed(
+        &self,
+        case: &Case<'_>,
+        moments: &[Vec<Prepared>],
+        settings: &FitSettings,
+    ) -> Vec<Followed> {
+        let applied = |effect: &&'static EffectInfo| candidate::applies(effect, &self.rig, &self.ranges);
+        let applied: Vec<_> = EFFECTS.iter().filter(applied).collect();
+        case.progress.expect(applied.len());
+        let follow = |effect| {
+            let followed = self.effect_followed(effect, moments, settings);
+            case.told(followed.as_ref().map(|followed| followed.there.clone()));
+            followed
+        };
+        applied.into_par_iter().filter_map(follow).collect()
+    }
+
+    /// An effect beside this model, from the first of some moments on.
+    fn effect_followed(
         &self,
         effect: &'static EffectInfo,
         moments: &[Vec<Prepared>],
-        whole: &[Prepared],
         settings: &FitSettings,
-    ) -> Option<Candidate> {
-        let explains = |found: &Candidate| within_noise(&found.fit.misfit);
-        let tried = moments.iter().take(TRIES).enumerate();
-        let mut found = tried
-            .filter_map(|(moment, records)| Some((moment, self.searched_in(records, effect, settings)?)));
-        let (mut moment, mut here) = found.find(|(_, found)| explains(found))?;
-        while moment + 1 < moments.len() && !interrupt::requested() {
-            let at = |stride: usize| {
-                let next = (moment + stride).min(moments.len() - 1);
-                Some((next, here.clone().finished(&self.rig, &moments[next])?))
-            };
-            let is_near = |found: &Candidate| found.fit.misfit.mean_square() <= BEYOND_NOISE;
-            let next = at(STRIDE)
-                .filter(|(_, found)| explains(found))
-                .or_else(|| at(1).filter(|(_, found)| is_near(found)));
-            let Some(next) = next else { break };
-            (moment, here) = next;
+    ) -> Option<Followed> {
+        let mut first = None;
+        for (moment, records) in moments.iter().take(TRIES).enumerate() {
+            let Some(found) = self.searched_in(records, effect, settings) else { continue };
+            let found = Followed::at(moment, found);
+            if found.explained.is_some() {
+                return Some(found.on(self, moments));
+            }
+            first.get_or_insert(found);
         }
-        here.finished(&self.rig, whole)
+        first
+    }
+
+    /// Those of some effects that explain some moments, fitted to the whole.
+    fn finished(&self, case: &Case<'_>, followed: &[Followed]) -> Vec<Candidate> {
+        let explaining = followed.par_iter().filter(|followed| followed.explained.is_some());
+        explaining.filter_map(|followed| followed.there.clone().finished(&self.rig, case.train())).collect()
+    }
+
+    /// The hypotheses with an effect and one more that this asks for in the first of the moments that it does not explain.
+    fn pairs_of(&self, case: &Case<'_>, single: Followed, moments: &[Vec<Prepared>]) -> Vec<Self> {
+        let (moment, single) =
+            single.explained.map_or((single.moment, single.there), |(moment, there)| (moment + 1, there));
+        let is_short = |records: &&Vec<Prepared>| longest(records) < FIRST_PART * longest(case.train());
+        let Some(records) = moments.get(moment).filter(is_short) else { return Vec::new() };
+        let there = &Case { records, fitted: records.len(), timed: None, ..*case };
+        let Some(single) = single.finished(&self.rig, records) else { return Vec::new() };
+        let single = self.joined(there, single);
+        let mut pairs: Vec<Followed> = single
+            .promising(there, false)
+            .into_par_iter()
+            .filter(Candidate::explains)
+            .map(|pair| Followed::at(moment, pair).on(&single, moments))
+            .collect();
+        pairs.sort_by(Followed::further);
+        pairs.truncate(BEAM);
+        let mut whole = single.finished(case, &pairs);
+        whole.retain(Candidate::explains);
+        single.with(case, whole)
     }
 
     /// The best of an effect in some moments. It is searched for together with the faults, the effects that are there already

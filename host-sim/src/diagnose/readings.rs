@@ -90,59 +90,74 @@ impl Answer {
 /// well, it is tried too; also where nothing explains the records, and one effect leaves less of them in the other.
 pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answer {
     case.progress.begin("fitting the declared faults", [0.0, 0.05]);
-    let own = Declared::of(case, settings);
+    let own = Read::of(case, settings);
     let readings = Reading::all(case.rig, case.records);
     let cases: Vec<Case<'_>> = readings.iter().map(|reading| case.read_as(reading, "")).collect();
-    let differs = |other: &&Case<'_>| readings_apart(&own.root.rig, case, other) > NO_DIFFERENCE;
-    let others: Vec<(&Case<'_>, Declared)> =
-        cases.iter().skip(1).filter(differs).map(|other| (other, Declared::of(other, settings))).collect();
-    let mut read: Vec<(&Case<'_>, Declared)> = iter::once((case, own)).chain(others).collect();
-    let misfits: Vec<Misfit<f64>> = read.iter().map(|(_, declared)| declared.root.joint.misfit).collect();
+    let differs = |other: &&Case<'_>| readings_apart(&own.declared.root.rig, case, other) > NO_DIFFERENCE;
+    let others: Vec<Read<'_>> =
+        cases.iter().skip(1).filter(differs).map(|other| Read::of(other, settings)).collect();
+    let mut read: Vec<Read<'_>> = iter::once(own).chain(others).collect();
+    let misfits: Vec<Misfit<f64>> = read.iter().map(Read::misfit).collect();
     let mut likeliest = fit::speaks_for(&misfits);
-    let (there, declared) = &read[likeliest];
-    let first = declared.begun(there);
+    let first = read[likeliest].begun();
     let is_settled = case.rival.is_some_and(|rival| rival.settles(first));
     let (held, held_case);
     if !first.leaves_noise && !case.is_over() {
-        held = fit::on_path(&case.rig.with_spool_of(there.rig), case.records, CommandPath::Held);
+        held =
+            fit::on_path(&case.rig.with_spool_of(read[likeliest].case.rig), case.records, CommandPath::Held);
         held_case = held.as_ref().map(|reading| case.read_as(reading, HELD));
         let least = misfits.iter().map(|misfit| misfit.chi_square).fold(f64::INFINITY, f64::min);
         read.extend(held_case.as_ref().and_then(|held| {
-            let declared = Declared::from_seeds(held, settings, 1);
-            (declared.root.joint.misfit.chi_square < least).then_some((held, declared))
+            let held = Read { case: held, declared: Declared::from_seeds(held, settings, 1) };
+            (held.misfit().chi_square < least).then_some(held)
         }));
         let may_be_held = read.len() > misfits.len();
         if may_be_held || !is_settled {
-            let best = |(case, declared): &(&Case<'_>, Declared)| {
-                let root = &declared.root.joint.misfit;
-                let is_behind = root.chi_square > FAR_BEHIND * least;
-                if is_behind { *root } else { declared.begun(case).best().joint.misfit }
+            let best = |read: &Read<'_>| {
+                let is_behind = read.misfit().chi_square > FAR_BEHIND * least;
+                if is_behind { read.misfit() } else { read.begun().best().joint.misfit }
             };
             likeliest = fit::speaks_for(&read.iter().map(best).collect::<Vec<_>>());
         }
     }
-    let is_one = read.len() == 1;
-    let end = if is_one { 1.0 } else { 0.6 };
-    let (mut here, mut declared) = read.swap_remove(likeliest);
+    answered(case, read, likeliest, settings)
+}
+
+/// The answer of the likeliest of the readings of a case, of another one in which the records are explained, or of what may
+/// be it as well.
+fn answered(case: &Case<'_>, mut read: Vec<Read<'_>>, likeliest: usize, settings: &FitSettings) -> Answer {
+    let end = if read.len() == 1 { 1.0 } else { 0.6 };
+    let mut here = read.swap_remove(likeliest);
     let (mut begin, mut asks_others) = (0.0, true);
-    let mut answer = loop {
-        let others = Others { read: &read, has_usual: !ptr::eq(here, case), asked: 0 };
+    let answer = loop {
+        let others = Others { read: &read, has_usual: !ptr::eq(here.case, case) };
         let others = if asks_others { others } else { Others::NONE };
-        match diagnose_from(&here.part([begin, end], ""), &declared, others, settings) {
+        match diagnose_from(&here.case.part([begin, end], ""), &here.declared, others, settings) {
             Ok(answer) => break answer,
             Err(ExplainedElsewhere(place)) => {
-                read.push((here, declared));
-                (here, declared) = read.swap_remove(place);
+                read.push(here);
+                here = read.swap_remove(place);
                 // Once: the records are not taken to and fro.
                 (begin, asks_others) = (0.5 * end, false);
             }
         }
     };
+    or_in_another(case, answer, here.case, read, settings)
+}
+
+/// An answer in one reading of a case, or that in the one of the others which may be it as well.
+fn or_in_another(
+    case: &Case<'_>,
+    mut answer: Answer,
+    here: &Case<'_>,
+    others: Vec<Read<'_>>,
+    settings: &FitSettings,
+) -> Answer {
     let is_unexplained = answer.is_unexplained();
     let Answer { diagnosis, model: best, simple, .. } = &mut answer;
     let scale = best.scale();
     let mut rivals = Vec::new();
-    for (there, declared) in read {
+    for Read { case: there, declared } in others {
         let mut moved = best.moved_to(best.train.values.clone(), there);
         // The usual reading is not given up for a valley in which it is not at its best.
         if ptr::eq(there, case) && !is_unexplained {
@@ -276,47 +291,64 @@ impl Declared {
         let excerpts = case.excerpts();
         search::sketch(&case.searched(excerpts.as_deref()), self.begun(case).clone(), MOST_EFFECTS)
     }
+}
 
-    /// Do a few effects beside them leave noise?
-    fn is_explained(&self, case: &Case<'_>) -> bool {
-        !case.is_over()
-            && search::sketch(case, self.begun(case).clone(), EFFECTS_ELSEWHERE).leaves_noise(case)
+/// A reading of some records.
+struct Read<'a> {
+    case: &'a Case<'a>,
+    declared: Declared,
+}
+
+impl<'a> Read<'a> {
+    fn of(case: &'a Case<'a>, settings: &FitSettings) -> Self {
+        Self { case, declared: Declared::of(case, settings) }
+    }
+
+    /// What the declared faults leave of all records.
+    fn misfit(&self) -> Misfit<f64> {
+        self.declared.root.joint.misfit
+    }
+
+    fn begun(&self) -> &FirstRound {
+        self.declared.begun(self.case)
+    }
+
+    /// Do a few effects leave noise?
+    fn is_explained(&self) -> bool {
+        !self.case.is_over()
+            && search::sketch(self.case, self.begun().clone(), EFFECTS_ELSEWHERE).leaves_noise(self.case)
     }
 }
 
 /// Other readings of the records of a search.
 struct Others<'a> {
     /// They, the usual one first, if it is one of them.
-    read: &'a [(&'a Case<'a>, Declared)],
+    read: &'a [Read<'a>],
     has_usual: bool,
-    /// How often they were asked.
-    asked: usize,
 }
 
 impl Others<'_> {
-    const NONE: Self = Self { read: &[], has_usual: false, asked: 0 };
+    const NONE: Self = Self { read: &[], has_usual: false };
 
-    /// The place of one in which the effects of a model that leaves more than noise in its own reading leave noise, or others
-    /// do. One effect may be missing so that another seems to speak for a reading; the records are read by one effect before.
-    /// The usual one is asked what others do there before anything is looked for, the rest when two effects were found.
-    fn explain(&mut self, best: &Hypothesis, case: &Case<'_>) -> Option<usize> {
-        self.asked += 1;
+    /// The place of one in which the effects of a model that leaves more than noise in its own reading, after so many rounds
+    /// of effects, leave noise, or others do. One effect may be missing so that another seems to speak for a reading; the
+    /// records are read by one effect before. The usual one is asked what others do there before anything is looked for, the
+    /// rest when two effects were found.
+    fn explain(&self, best: &Hypothesis, rounds: usize, case: &Case<'_>) -> Option<usize> {
         if best.leaves_noise(case) {
             return None;
         }
-        let moved = |(there, _): &(&Case<'_>, Declared)| {
-            best.moved_to(best.train.values.clone(), there).leaves_noise(there)
-        };
+        let moved =
+            |there: &Read<'_>| best.moved_to(best.train.values.clone(), there.case).leaves_noise(there.case);
         let by_itself =
             if best.added.len() >= EFFECTS_ELSEWHERE { self.read.iter().position(moved) } else { None };
         let usual = usize::from(self.has_usual);
-        let mut places = match self.asked {
-            1 => 0..usual,
-            // Once more before the round of two effects, and then after it.
-            3 => usual..self.read.len(),
+        let mut places = match rounds {
+            0 => 0..usual,
+            EFFECTS_ELSEWHERE => usual..self.read.len(),
             _ => 0..0,
         };
-        by_itself.or_else(|| places.find(|&place| self.read[place].1.is_explained(self.read[place].0)))
+        by_itself.or_else(|| places.find(|&place| self.read[place].is_explained()))
     }
 }
 
@@ -339,10 +371,10 @@ fn diagnose_from(
     let searched = case.searched(excerpts.as_deref());
     let known = case.timed.map(|timed| timed.model.clone()).filter(|known| !known.added.is_empty());
     let model = known.map(|model| if in_excerpts { model.refitted(&searched) } else { model });
-    let suggested = case.suggested.map(|model| model.refitted(&searched));
-    let mut others = if in_excerpts { Others::NONE } else { others };
-    let elsewhere = |best: &Hypothesis| others.explain(best, &searched);
-    let sound = search::search(&searched, begun, Known { model, suggested }, elsewhere, settings)?;
+    let known = Known { model, suggested: case.suggested };
+    let others = if in_excerpts { Others::NONE } else { others };
+    let elsewhere = |best: &Hypothesis, rounds| others.explain(best, rounds, &searched);
+    let sound = search::search(&searched, begun, known, elsewhere, settings)?;
     let Hypothesis { ranges, train: Polished { values, .. }, .. } = &sound.root;
     let there = fit::misfit(case.rig, ranges, values, case.train());
     if there.chi_square < before.misfit.chi_square - BETTER_VALLEY {

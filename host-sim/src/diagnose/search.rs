@@ -114,34 +114,36 @@ fn round(added: usize) -> String {
 pub(super) struct ExplainedElsewhere(pub(super) usize);
 
 /// What is known before a search.
-pub(super) struct Known {
+pub(super) struct Known<'a> {
     /// A model that what is found is weighed against.
     pub(super) model: Option<Hypothesis>,
-    /// A model that is tried when as many effects are.
-    pub(super) suggested: Option<Hypothesis>,
+    /// A model of other records that is fitted to these when as many effects are tried.
+    pub(super) suggested: Option<&'a Hypothesis>,
 }
 
 /// Grows the model with the declared faults alone by more effects than the first, and drops what does not earn its place.
-/// `elsewhere` is asked once before anything is looked for, and then before each round, whether another reading explains the
-/// records better than the best so far.
+/// `elsewhere` is asked before each round, and after the last one, whether another reading explains the records better than
+/// the best so far; it is told how many rounds there were.
 ///
 /// # Errors
 /// It does.
 pub(super) fn search(
     case: &Case<'_>,
     FirstRound { root, grown, .. }: FirstRound,
-    Known { model, suggested }: Known,
-    mut elsewhere: impl FnMut(&Hypothesis) -> Option<usize>,
+    Known { model, suggested }: Known<'_>,
+    elsewhere: impl Fn(&Hypothesis, usize) -> Option<usize>,
     settings: &FitSettings,
 ) -> Result<Sound, ExplainedElsewhere> {
     let mut growth = Growth { case, tried: model.into_iter().collect(), suggested };
     let root = [root];
     let beam = growth.chosen(&root, grown);
-    let mut place = cheapest(growth.tried.iter()).and_then(&mut elsewhere);
+    let mut rounds = 0;
+    let mut place = cheapest(growth.tried.iter()).and_then(|best| elsewhere(best, rounds));
     if place.is_none() {
         let beam = growth.or_followed(beam, &root, settings, [0.05, 0.1]);
         growth.run_until(beam, [0.1, 0.55], |best| {
-            place = elsewhere(best);
+            rounds += 1;
+            place = elsewhere(best, rounds);
             place.is_some()
         });
     }
@@ -149,7 +151,7 @@ pub(super) fn search(
         return Err(ExplainedElsewhere(place));
     }
     let suggested = growth.suggested.take();
-    growth.tried.extend(suggested);
+    growth.tried.extend(suggested.map(|model| model.refitted(case)));
     growth.look_beside_the_first();
     growth.look_again();
     if case.searches_far {
@@ -195,8 +197,8 @@ struct Growth<'a> {
     case: &'a Case<'a>,
     /// All that was tried.
     tried: Vec<Hypothesis>,
-    /// What is tried as well when as many effects are.
-    suggested: Option<Hypothesis>,
+    /// A model of other records that is fitted to these when as many effects are tried.
+    suggested: Option<&'a Hypothesis>,
 }
 
 impl Growth<'_> {
@@ -244,7 +246,7 @@ impl Growth<'_> {
     fn chosen(&mut self, beam: &[Hypothesis], mut grown: Vec<Hypothesis>) -> Vec<Hypothesis> {
         if let Some(suggested) = self.suggested.take_if(|model| model.added.len() == beam[0].added.len() + 1)
         {
-            weighing::learn(&mut grown, suggested);
+            weighing::learn(&mut grown, suggested.refitted(self.case));
         }
         self.tried.retain(|known| !beam.iter().any(|moved| moved.same_effects(known)));
         self.tried.extend(beam.iter().chain(&grown).cloned());
@@ -544,7 +546,7 @@ mod tests {
         let [one, other] =
             [&["constant-load"][..], &["constant-load", "leakage"]].map(|added| model(&case, &truth, added));
         let names = |suggested: Option<&Hypothesis>| -> Vec<&str> {
-            let mut growth = Growth { case: &case, tried: Vec::new(), suggested: suggested.cloned() };
+            let mut growth = Growth { case: &case, tried: Vec::new(), suggested };
             let beam = growth.chosen(std::slice::from_ref(&root), Vec::new());
             assert_eq!(growth.suggested.is_some(), beam.is_empty() && suggested.is_some());
             beam.iter().flat_map(|model| &model.added).map(|effect| effect.name).collect()

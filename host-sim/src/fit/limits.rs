@@ -31,6 +31,20 @@ pub fn share_at_ends(values: &[f64]) -> f64 {
     share(&at_ends(values))
 }
 
+/// The longest rest of a series at its smallest or largest value, and the longest at any other, in samples that count.
+pub fn longest_rests(values: &[f64], counts: impl Fn(usize) -> bool) -> [usize; 2] {
+    let [low, high] = extent(values);
+    let mut longest = [0; 2];
+    let mut start = 0;
+    for run in values.chunk_by(|a, b| a == b) {
+        let end = start + run.len();
+        let rests = &mut longest[usize::from(run[0] != low && run[0] != high)];
+        *rests = (*rests).max((start..end).filter(|&sample| counts(sample)).count());
+        start = end;
+    }
+    longest
+}
+
 fn share(resting: &[bool]) -> f64 {
     resting.iter().filter(|&&rests| rests).count() as f64 / resting.len().max(1) as f64
 }
@@ -43,4 +57,17 @@ pub(super) fn unclipped(values: &[f64]) -> Vec<f64> {
     }
     let keep = |(&value, rests): (&f64, bool)| if rests { f64::NAN } else { value };
     values.iter().zip(resting).map(keep).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::longest_rests;
+
+    #[test]
+    fn rests_at_the_ends_are_told_from_those_elsewhere() {
+        let values = [1.0, 2.0, 2.0, 2.0, 1.0, 1.5, 1.5, 1.0, 1.0];
+        assert_eq!(longest_rests(&values, |_| true), [3, 2]);
+        assert_eq!(longest_rests(&values, |sample| sample > 2), [2, 2]);
+        assert_eq!(longest_rests(&[], |_| true), [0, 0]);
+    }
 }

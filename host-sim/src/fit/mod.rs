@@ -29,7 +29,7 @@ pub use colour::{as_white, colour_of};
 pub use correlation::Correlation;
 pub use effort::{share_account, spent_s};
 pub use estimate::{Estimate, OF_95};
-pub use limits::{CLIPPED, at_ends, extent, share_at_ends};
+pub use limits::{CLIPPED, at_ends, extent, longest_rests, share_at_ends};
 pub use noise::{
     COARSE, LaggedProducts, MODEL_ERROR, NoiseSource, SMALLEST_NOISE, TYPICAL_NOISE, correlation_time,
     differences, fourth_differences, longest_correlation_time, noise_of, noise_of_series, noise_source,

@@ -30,6 +30,10 @@ const MORE: f64 = 2.0;
 /// Samples by which a position must be ahead of its command: a clock that is one off is another matter.
 const AHEAD: f64 = 2.0;
 
+/// How many times as long as anywhere else a sensor rests at its end where that is a limit: the dwells of a play get shorter
+/// as its motion gets faster.
+const LONGER: usize = 2;
+
 /// Most faults whose ends are tried in every combination: of 20 there would be a million. Beyond it they go to their ends one
 /// after the other.
 const MOST_COMBINED: usize = 4;
@@ -71,7 +75,9 @@ fn clipped(rig: &Rig, record: &Record) -> Vec<String> {
             let ends = fit::at_ends(values);
             let resting = (0..ends.len()).filter(|&sample| ends[sample] && moves(sample)).count();
             let share = resting as f64 / values.len().max(1) as f64;
-            (share > fit::CLIPPED).then(|| {
+            // A play dwells wherever the ram turns, not at the ends alone.
+            let [at_ends, elsewhere] = fit::longest_rests(values, moves);
+            (share > fit::CLIPPED && at_ends > LONGER * elsewhere).then(|| {
                 format!(
                     "{} is at its smallest or largest value in {:.1} % of the samples, while the command moves: is it clipped?",
                     channel.info().column,

@@ -326,7 +326,7 @@ impl Job<'_> {
         if diagnosis.is_open {
             warnings.push(
                 "the fitted records leave so much open that the held-out ones are predicted worse than their noise; \
-                 one model explains them all together: fit them all for closer estimates"
+                 one model explains them all together, and what is given is what all of them say"
                     .to_owned(),
             );
         }

@@ -223,6 +223,11 @@ fn what_is_clipped_tells_nothing_of_the_noise() {
     let step = check("step.csv");
     assert!(number(&named(&step["channels"], "ram_m")["saturated_share"]) > 0.01, "{step}");
     assert!(!step["notes"].to_string().contains("clipped"), "{step}");
+    // Nor is what dwells in a play wherever it turns.
+    bench.simulate("play.csv", &["--model", "lf", "--command", "chirp", "--set", "bkl=5e-4"]);
+    let play = check("play.csv");
+    assert!(number(&named(&play["channels"], "lvdt_m")["saturated_share"]) > 0.01, "{play}");
+    assert!(!play["notes"].to_string().contains("clipped"), "{play}");
 }
 
 #[test]
