@@ -19,7 +19,7 @@ use std::path::PathBuf;
 use table::Row;
 
 /// Rows of single effects that the tests make.
-const SAMPLE: usize = 3;
+const SAMPLE: usize = 2;
 /// Drawn cases that the tests make.
 const DRAWN: usize = 3;
 /// The first of the clean ones of which all channels are measured, among the rows of the document.

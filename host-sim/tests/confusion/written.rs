@@ -62,21 +62,6 @@ fn are_found(cases: &[(Case, &str)]) {
 
 #[test]
 fn valleys_that_no_slope_leads_to_are_found() {
-    // One of many valleys of ringing oil, beside another effect.
-    let ringing = Case {
-        quantum: 5.1e-6,
-        ..case(
-            3056,
-            [1.51e-4, 2650.0],
-            3.48e-6,
-            [(chirp(8.6e-3), 3302), (Command::MixedStep, 3302)],
-            (Command::Mixed, 1279),
-            vec![
-                present("compressibility", 7.14, true, 0.709),
-                present("torque-motor-gain", 3.48, true, 1.61),
-            ],
-        )
-    };
     // A friction that is read a quarter too high, whose own valley is narrower.
     let clogged = case(
         4050,
@@ -115,7 +100,6 @@ fn valleys_that_no_slope_leads_to_are_found() {
         )
     };
     are_found(&[
-        (ringing, "compressibility; torque-motor-gain"),
         (clogged, "filter-clogging"),
         (weak, "leakage or pressure-gain"),
         (alone, "compressibility"),
