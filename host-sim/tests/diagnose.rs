@@ -151,6 +151,14 @@ fn class(result: &Value) -> Vec<String> {
         .collect()
 }
 
+/// The records are explained, with each of some effects in a class.
+fn explained_with(result: &Value, effects: &[&str]) {
+    assert_eq!(result["verdict"], "explained", "{result:#}");
+    for effect in effects {
+        assert!(class(result).iter().any(|name| name == effect), "{effect}: {:?}", class(result));
+    }
+}
+
 /// The named effect explains the records, the held-out one too, and the faults are right within their errors.
 fn explained_by(plant: &Plant, seed: u64, effect: &str) {
     let result = diagnose(plant, seed);
@@ -337,10 +345,7 @@ fn an_offset_of_the_users_sensor_does_not_move_the_start_of_the_ram() {
     plant.parameters.feedback_play = 1.596e-5;
     plant.effects.sensor_offset = 1.5e-4;
     let result = diagnose_finely(&plant);
-    assert_eq!(result["verdict"], "explained", "{result:#}");
-    assert!(
-        ["feedback-play", "sensor-offset"].iter().all(|name| class(&result).contains(&(*name).to_owned()))
-    );
+    explained_with(&result, &["feedback-play", "sensor-offset"]);
     faults_are_right(&result, 5.0, "a play and an offset");
 }
 
@@ -396,15 +401,8 @@ fn what_rings_is_found_in_its_first_moments() {
     (plant.parameters.backlash, plant.parameters.jack_friction) = (2e-4, 860.0);
     (plant.effects.bulk_modulus, plant.effects.sensor_delay) = (Some(1.25e9), 1.5e-3);
     let result = diagnose_positions(&plant, &commands, 2e-6, 1);
-    assert_eq!(result["verdict"], "explained", "{result:#}");
-    let found = class(&result);
-    assert!(
-        ["compressibility", "sensor-delay"].iter().all(|name| found.contains(&(*name).to_owned())),
-        "{found:?}"
-    );
-    for (interval, truth) in intervals_of_faults(&result).into_iter().zip([2e-4, 860.0]) {
-        assert!(interval[0] < truth && truth < interval[1], "{interval:?} {truth}");
-    }
+    explained_with(&result, &["compressibility", "sensor-delay"]);
+    intervals_hold(&result, [2e-4, 860.0]);
 }
 
 #[test]
@@ -414,10 +412,7 @@ fn two_effects_that_two_others_make_up_for_are_in_their_classes() {
     (plant.parameters.jack_viscosity, plant.parameters.pressure_gain) = (5e4, 3.75e10);
     let commands = [Command::Chirp { amplitude: 6e-3 }, Command::MixedStep, Command::CHIRP_LOW];
     let result = diagnose_positions(&plant, &commands, 1.5e-6, 1);
-    assert_eq!(result["verdict"], "explained", "{result:#}");
-    for effect in ["viscous-friction", "pressure-gain"] {
-        assert!(class(&result).iter().any(|name| name == effect), "{effect}: {:?}", class(&result));
-    }
+    explained_with(&result, &["viscous-friction", "pressure-gain"]);
     let [_, friction] = intervals_of_faults(&result);
     assert!(friction[0] < 705.0 && 705.0 < friction[1], "{friction:?}");
 }
@@ -442,10 +437,7 @@ fn two_effects_that_speak_for_a_held_command_are_named() {
     let fly = |flown: &Command| plant.record(flown, SAMPLES);
     let paths = save_positions(directory.path(), &commands, fly, POSITION_NOISE, 1);
     let result = host_sim("diagnose", |command| command.args(&paths[..2]).arg("--holdout").arg(&paths[2]));
-    assert_eq!(result["verdict"], "explained", "{result:#}");
-    for effect in ["sensor-lag", "torque-motor-hysteresis"] {
-        assert!(class(&result).iter().any(|name| name == effect), "{effect}: {:?}", class(&result));
-    }
+    explained_with(&result, &["sensor-lag", "torque-motor-hysteresis"]);
     let claims = result["warnings"].as_array().unwrap().iter().map(Value::to_string);
     assert!(!claims.into_iter().any(|text| text.contains("the records are read so")), "{result:#}");
 }
@@ -485,10 +477,7 @@ fn a_held_out_record_that_is_not_explained_asks_for_another_effect() {
     let commands = [Command::Chirp { amplitude: 3.53e-3 }, Command::Mixed, Command::MixedStep];
     let noise = 3.1e-6;
     let result = diagnose_positions(&plant, &commands, noise, 1);
-    assert_eq!(result["verdict"], "explained", "{result:#}");
-    for effect in ["shear-thinning", "sensor-delay"] {
-        assert!(class(&result).iter().any(|name| name == effect), "{effect}: {:?}", class(&result));
-    }
+    explained_with(&result, &["shear-thinning", "sensor-delay"]);
     assert!(result["error"]["holdout"]["after_rms_m"].as_f64().unwrap() < 1.5 * noise, "{result:#}");
 }
 
@@ -550,6 +539,13 @@ fn intervals_of_faults(result: &Value) -> [[f64; 2]; 2] {
     [0, 1].map(|fault| [0, 1].map(|end| result["faults"][fault]["ci95"][end].as_f64().unwrap()))
 }
 
+/// The intervals of the faults hold the truth.
+fn intervals_hold(result: &Value, truth: [f64; 2]) {
+    for ([low, high], truth) in intervals_of_faults(result).into_iter().zip(truth) {
+        assert!(low < truth && truth < high, "{low} to {high} does not hold {truth}");
+    }
+}
+
 /// When the steps of [`Command::MixedStep`] come, s.
 const STEPS: [f64; 3] = [0.01, 0.2, 0.6];
 
@@ -596,9 +592,7 @@ fn steps_of_a_fitted_record_that_come_between_samples_are_timed_with_the_faults(
     for noise in [1e-6, 1e-5] {
         let result = diagnose_positions(&faulty(), &commands, noise, 1);
         assert_eq!(result["verdict"], "adequate", "{result:#}");
-        for ([low, high], truth) in intervals_of_faults(&result).into_iter().zip([BKL, FDJ]) {
-            assert!((low..=high).contains(&truth), "{low} to {high} does not hold {truth}");
-        }
+        intervals_hold(&result, [BKL, FDJ]);
         jumps_are_found(&result, 1, later, 5e-5);
     }
 }

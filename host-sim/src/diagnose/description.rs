@@ -41,10 +41,11 @@ fn of_record(record: &Prepared, outputs: &[Outputs<f64>]) -> Description {
     let left: Vec<f64> =
         left_at_each(record, outputs).into_iter().map(|left| left.unwrap_or(f64::NAN)).collect();
     let ram: Vec<f64> = outputs.iter().map(|output| output.ram).collect();
-    let active = active(&left);
-    let length = |[from, to]: [usize; 2]| to - from;
-    let acts_as_long =
-        |quantity: &Quantity| length(self::active(&quantity.values)) <= LONGER * length(active);
+    let [from, to] = active(&left);
+    let acts_as_long = |quantity: &Quantity| {
+        let [first, end] = active(&quantity.values);
+        end - first <= LONGER * (to - from)
+    };
     let follows = motion(&ram, period, &left)
         .into_iter()
         .filter(acts_as_long)
@@ -52,7 +53,7 @@ fn of_record(record: &Prepared, outputs: &[Outputs<f64>]) -> Description {
         .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
         .filter(|(_, correlation)| correlation.abs() > FOLLOWS);
     let tone = fit::strongest_tone(&left, period).filter(|(_, share)| *share > TONE);
-    Description { record: 0, follows, active: active.map(|sample| sample as f64 * period), tone }
+    Description { record: 0, follows, active: [from, to].map(|sample| sample as f64 * period), tone }
 }
 
 /// A quantity of a motion that a residual may follow.

@@ -127,7 +127,8 @@ impl Hypothesis {
         case.progress.expect(applied.len());
         let follow = |effect| {
             let followed = self.effect_followed(effect, moments, settings);
-            case.told(followed.as_ref().map(|followed| followed.there.clone()));
+            let left = followed.as_ref().map(|followed| followed.there.fit.misfit.mean_square().sqrt());
+            case.progress.fitted(left);
             followed
         };
         applied.into_par_iter().filter_map(follow).collect()
