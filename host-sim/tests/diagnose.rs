@@ -397,6 +397,12 @@ fn what_rings_is_found_in_its_first_moments() {
     let result = diagnose_positions(&plant, &commands, 3e-6, 1);
     assert_eq!(result["verdict"], "explained", "{result:#}");
     assert_eq!(class(&result), ["compressibility"]);
+    // With a friction of which 0.1 s have many valleys, and the first 30 ms have one.
+    (plant.parameters.backlash, plant.parameters.jack_friction) = (8e-4, 323.0);
+    plant.effects.bulk_modulus = Some(9.66e8);
+    let result = diagnose_positions(&plant, &commands, 1.8e-6, 1);
+    explained_with(&result, &["compressibility"]);
+    intervals_hold(&result, [8e-4, 323.0]);
     // Beside another effect, without which it does not explain even these.
     (plant.parameters.backlash, plant.parameters.jack_friction) = (2e-4, 860.0);
     (plant.effects.bulk_modulus, plant.effects.sensor_delay) = (Some(1.25e9), 1.5e-3);

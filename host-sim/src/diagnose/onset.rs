@@ -18,17 +18,21 @@ use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::iter;
 
-/// The first moments, s, and the factor by which they grow.
-const FIRST_S: f64 = 0.1;
-/// Fewest samples of them: those that 100 Hz gives. Records that are sampled more slowly have later first moments.
+/// The first moments, s, and the factor by which they grow. What a ram that begins to move shows of ringing oil in its first
+/// 30 ms has one wide valley, where 0.1 s have several that are a tenth as wide.
+const FIRST_S: f64 = 0.02;
+/// Fewest samples of them. Records that are sampled at less than 500 Hz have later first moments.
 const FEWEST_SAMPLES: f64 = 10.0;
 const GROWTH: f64 = 1.15;
 /// Part of the records up to which moments are first ones: in longer ones there are no fewer valleys than in the whole.
 const FIRST_PART: f64 = 0.5;
 /// By how many such factors at once they grow as long as that leaves noise.
 const STRIDE: usize = 4;
-/// How many of them, the first that ask for something and those after it, are searched before an effect is given up.
-const TRIES: usize = 2;
+/// In how many of them an effect is searched before it is given up: the first that ask for something, then the first that it
+/// could not be followed to.
+const TRIES: usize = 3;
+/// How long a search in them may be for all evaluations of a budget, s.
+const SEARCHED_S: f64 = 0.1;
 /// Every span of an effect is searched with such a part of the evaluations at first, and such a part of them, the best, with
 /// all.
 const SIEVE: u32 = 4;
@@ -53,9 +57,9 @@ impl Followed {
         Self { moment, there, explained }
     }
 
-    /// Fitted beside a model from each moment to the next, as long as it explains these, or nearly.
+    /// Fitted beside a model from each moment to the next, if it explains the first, as long as it explains these, or nearly.
     fn on(mut self, model: &Hypothesis, moments: &[Vec<Prepared>]) -> Self {
-        while self.moment + 1 < moments.len() && !interrupt::requested() {
+        while self.explained.is_some() && self.moment + 1 < moments.len() && !interrupt::requested() {
             let after = |stride: usize| {
                 let moment = (self.moment + stride).min(moments.len() - 1);
                 Some(Self::at(moment, self.there.clone().finished(&model.rig, &moments[moment])?))
@@ -69,10 +73,14 @@ impl Followed {
         self
     }
 
+    /// The last moment that it explains, if it explains any.
+    fn last_explained(&self) -> Option<usize> {
+        self.explained.as_ref().map(|&(moment, _)| moment)
+    }
+
     /// Which of two explains more moments, or leaves less of the last one.
     fn further(a: &Self, b: &Self) -> Ordering {
-        let explained = |followed: &Self| followed.explained.as_ref().map(|&(moment, _)| moment);
-        explained(b).cmp(&explained(a)).then_with(|| candidate::lower(&a.there, &b.there))
+        b.last_explained().cmp(&a.last_explained()).then_with(|| candidate::lower(&a.there, &b.there))
     }
 }
 
@@ -141,16 +149,20 @@ impl Hypothesis {
         moments: &[Vec<Prepared>],
         settings: &FitSettings,
     ) -> Option<Followed> {
-        let mut first = None;
-        for (moment, records) in moments.iter().take(TRIES).enumerate() {
-            let Some(found) = self.searched_in(records, effect, settings) else { continue };
-            let found = Followed::at(moment, found);
-            if found.explained.is_some() {
-                return Some(found.on(self, moments));
+        let mut best: Option<Followed> = None;
+        let mut moment = 0;
+        for _ in 0..TRIES {
+            let Some(records) = moments.get(moment) else { break };
+            if let Some(found) = self.searched_in(records, effect, settings) {
+                let found = Followed::at(moment, found).on(self, moments);
+                moment = found.last_explained().unwrap_or(moment);
+                if best.as_ref().is_none_or(|best| found.last_explained() > best.last_explained()) {
+                    best = Some(found);
+                }
             }
-            first.get_or_insert(found);
+            moment += 1;
         }
-        first
+        best
     }
 
     /// Those of some effects that explain some moments, fitted to the whole.
@@ -221,10 +233,10 @@ impl Hypothesis {
     }
 }
 
-/// Most evaluations of a search in some moments: those of a budget in the first ones, fewer in longer ones, so that it takes
+/// Most evaluations of a search in some moments: those of a budget in short ones, fewer in longer ones, so that it takes
 /// no longer there.
 fn searches_within(budget: u32, moments: &[Prepared]) -> u32 {
-    (f64::from(budget) * (FIRST_S / longest(moments)).min(1.0)) as u32
+    (f64::from(budget) * (SEARCHED_S / longest(moments)).min(1.0)) as u32
 }
 
 /// How long the longest of some records is, s.
@@ -264,6 +276,6 @@ mod tests {
         let first = |rate: f64| moments(&sampled(rate)).next().unwrap()[0].len();
         assert!([5.0, 8.0, 40.0].map(first).iter().all(|&first| first >= FEWEST_SAMPLES as usize));
         // At the rates that there are, they last as long as ever.
-        assert_eq!([100.0, 200.0, 1000.0].map(first), [10, 20, 100]);
+        assert_eq!([500.0, 1000.0, 2000.0].map(first), [10, 20, 40]);
     }
 }

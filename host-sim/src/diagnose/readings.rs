@@ -3,7 +3,7 @@
 use super::case::Case;
 use super::conclusion::{Open, conclude, helped_by_whole, helpful};
 use super::diagnosis::{Diagnosis, Score, Verdict};
-use super::hypothesis::Hypothesis;
+use super::hypothesis::{Hypothesis, beyond_noise};
 use super::residual;
 use super::search::{self, ExplainedElsewhere, FirstRound, Known, MOST_EFFECTS};
 use crate::fit::{self, BETTER_VALLEY, Fit, FitSettings, Polished, Reading, TOLD_APART};
@@ -19,6 +19,9 @@ const NO_DIFFERENCE: f64 = 1.0;
 /// A reading in which the declared faults leave so many times as much as in another one is not judged by what one effect makes
 /// of it: the effect would have to look like the difference between the two (by a correlation of 0.87).
 const FAR_BEHIND: f64 = 4.0;
+/// Part of what the declared faults leave, squared, that two readings may differ by for the effects that are worth a fit in one
+/// to be those of the other: a quarter of its swing.
+const NEARLY_SAME: f64 = 1.0 / 16.0;
 /// Seeds from which the declared faults are fitted where the first leaves more than noise.
 const ROOT_SEEDS: u64 = 8;
 /// Effects of which as many are tried in other readings where that many leave more than noise in the likeliest one: this was
@@ -113,9 +116,9 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
         }));
         let may_be_held = read.len() > misfits.len();
         if may_be_held || !is_settled {
-            let best = |read: &Read<'_>| {
-                let is_behind = read.misfit().chi_square > FAR_BEHIND * least;
-                if is_behind { read.misfit() } else { read.begun().best().joint.misfit }
+            let best = |other: &Read<'_>| {
+                let is_behind = other.misfit().chi_square > FAR_BEHIND * least;
+                if is_behind { other.misfit() } else { other.begun_among(&read).best().joint.misfit }
             };
             likeliest = fit::speaks_for(&read.iter().map(best).collect::<Vec<_>>());
         }
@@ -313,6 +316,25 @@ impl<'a> Read<'a> {
         self.declared.begun(self.case)
     }
 
+    /// The first round of the search. Where it is known of a reading that is nearly the same, the effects that were found worth a
+    /// fit there are fitted here.
+    fn begun_among(&self, readings: &[Self]) -> &FirstRound {
+        let excerpts = self.case.excerpts();
+        let searched = self.case.searched(excerpts.as_deref());
+        let known =
+            readings.iter().find_map(|other| other.declared.begun.get().filter(|_| self.is_nearly(other)));
+        known.map_or_else(
+            || self.begun(),
+            |known| self.declared.begun.get_or_init(|| known.moved_to(&searched)),
+        )
+    }
+
+    /// Do the declared faults predict nearly the same in another reading, measured by what they leave there?
+    fn is_nearly(&self, other: &Self) -> bool {
+        let left = beyond_noise(&other.misfit()).unwrap_or(0.0);
+        readings_apart(&other.declared.root.rig, other.case, self.case) <= NEARLY_SAME * left
+    }
+
     /// Do a few effects leave noise?
     fn is_explained(&self) -> bool {
         !self.case.is_over()
@@ -398,4 +420,44 @@ fn diagnose_from(
     let open = Open { named, stand_ins, confounded };
     let diagnosis = conclude(case, before, &whole, &earned, &open);
     Ok(Answer { diagnosis, model: whole, asked: sound.asked, simple: sound.simple })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::signature::tests::{record, with};
+    use super::{Case, Declared, Read};
+    use crate::fit::{self, FitSettings};
+    use crate::rig::{CommandPath, Rig};
+    use eha_monitor::parameter::Parameter;
+
+    #[test]
+    fn a_reading_that_is_nearly_the_same_is_judged_by_the_effects_of_the_other() {
+        let rig = Rig::load("eha").unwrap();
+        let mut truth = with(&rig, Parameter::ConstantLoad, 500.0);
+        (truth.parameters.bkl, truth.parameters.fdj) = (2e-4, 800.0);
+        let records = [record(&truth)];
+        let paths = [CommandPath::Curve, CommandPath::Held];
+        let others = paths.map(|path| fit::on_path(&rig, &records, path).unwrap());
+        let lines = Case::new(&rig, &records, 1);
+        let [curve, held] = others.each_ref().map(|other| lines.read_as(other, ""));
+        let settings = FitSettings::default();
+        let [lines, curve, held] = [&lines, &curve, &held]
+            .map(|case| Read { case, declared: Declared::from_seeds(case, &settings, 1) });
+        assert!(curve.is_nearly(&lines) && !held.is_nearly(&lines));
+
+        let spent = |read: &Read<'_>, known: &[Read<'_>]| {
+            let before = fit::spent_s(&records);
+            let best = read.begun_among(known).best().newest().unwrap().name;
+            (best, fit::spent_s(&records) - before)
+        };
+        let (best, of_catalogue) = spent(&lines, &[]);
+        assert_eq!(best, "constant-load");
+        let known = [lines];
+        let (best, of_known) = spent(&curve, &known);
+        assert_eq!(best, "constant-load");
+        assert!(of_known < 0.2 * of_catalogue, "{of_known} of {of_catalogue}");
+        // What differs is looked at by itself.
+        let (_, by_itself) = spent(&held, &known);
+        assert!(by_itself > of_catalogue, "{by_itself} of {of_catalogue}");
+    }
 }

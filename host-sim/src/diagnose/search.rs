@@ -38,9 +38,19 @@ impl FirstRound {
         for hidden in root.hidden(case) {
             weighing::learn(&mut grown, hidden);
         }
+        Self::from_models(case, root, grown)
+    }
+
+    fn from_models(case: &Case<'_>, root: Hypothesis, grown: Vec<Hypothesis>) -> Self {
         let mut first = Self { root, grown, leaves_noise: false };
         first.leaves_noise = first.best().leaves_noise(case);
         first
+    }
+
+    /// The same models, fitted to a case that differs little from their own.
+    pub(super) fn moved_to(&self, case: &Case<'_>) -> Self {
+        let moved = |model: &Hypothesis| model.moved_to(model.train.values.clone(), case);
+        Self::from_models(case, moved(&self.root), self.grown.par_iter().map(moved).collect())
     }
 
     /// All of them.

@@ -199,12 +199,16 @@ impl Hypothesis {
     }
 }
 
+/// Fall of chi-square by which a fit is no better than another one of the same model: rounding, and the last step that was not
+/// worth it.
+const SAME_FIT: f64 = 0.1;
+
 /// Adds a model to those that are known, or puts it in place of one of the same effects that fits worse; what is known
 /// of these effects then.
 pub(super) fn learn(known: &mut Vec<Hypothesis>, new: Hypothesis) -> &Hypothesis {
     let index = known.iter().position(|known| known.same_effects(&new)).unwrap_or(known.len());
     match known.get_mut(index) {
-        Some(known) if known.joint.misfit.chi_square <= new.joint.misfit.chi_square => {}
+        Some(known) if known.joint.misfit.chi_square <= new.joint.misfit.chi_square + SAME_FIT => {}
         Some(known) => *known = new,
         None => known.push(new),
     }
@@ -224,4 +228,30 @@ fn differ(
             record.noise[channel].is_finite() && fit::rms(changes) > bar[channel]
         })
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::signature::tests::{record, with};
+    use super::{Case, Hypothesis, learn};
+    use crate::fit;
+    use crate::rig::Rig;
+    use eha_monitor::parameter::Parameter;
+
+    #[test]
+    fn a_fit_to_the_same_place_takes_nothing_from_what_is_known() {
+        let rig = Rig::load("eha").unwrap();
+        let records = [record(&with(&rig, Parameter::ConstantLoad, 500.0))];
+        let case = Case::new(&rig, &records, 1);
+        let start = [rig.parameters.bkl, rig.parameters.fdj];
+        let fit = fit::polish(&rig, &rig.faults, &start, &records).unwrap();
+        let model = Hypothesis::of(&case, rig.clone(), rig.declared(), [fit.clone(), fit], Vec::new());
+        let lower_by = |fall: f64| {
+            let mut lower = model.clone();
+            lower.joint.misfit.chi_square -= fall;
+            learn(&mut vec![model.clone()], lower).joint.misfit.chi_square
+        };
+        assert_eq!(lower_by(0.01), model.joint.misfit.chi_square);
+        assert!(lower_by(1.0) < model.joint.misfit.chi_square);
+    }
 }
