@@ -43,8 +43,9 @@ fn throughput(directory: &Path) -> Result<(), Failure> {
     let record = read_csv(&file)?.record;
     assert!(record.channel(Channel::Current).is_some());
     let prepared = [prepare_with(&rig, &record, [5e-6, f64::INFINITY, 0.02, f64::INFINITY])];
-    let pools =
-        [1, 2].map(|threads| ThreadPoolBuilder::new().num_threads(threads).stack_size(16 << 20).build());
+    let pools = [1, 2].map(|threads| {
+        ThreadPoolBuilder::new().num_threads(threads).stack_size(host_sim::WORKER_STACK).build()
+    });
     let [one, two] = pools;
     let pools = [one?, two?];
     let mut shortest = [f64::INFINITY; 2];

@@ -35,7 +35,7 @@ use cli::{Cli, Verb};
 use failure::Failure;
 
 /// Stack of a worker, bytes: the transition matrices of a full model are made on it.
-const WORKER_STACK: usize = 16 << 20;
+pub const WORKER_STACK: usize = 16 << 20;
 
 /// Runs what the command line asks for.
 ///

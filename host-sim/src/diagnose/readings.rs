@@ -281,9 +281,17 @@ impl Declared {
 
     /// The first round of the search beside them. Long records are searched in excerpts.
     fn begun(&self, case: &Case<'_>) -> &FirstRound {
+        self.begun_or(case, || None)
+    }
+
+    /// The same; where it has not begun, with the models of another case that differs little, if there is one.
+    fn begun_or<'b>(&self, case: &Case<'_>, known: impl FnOnce() -> Option<&'b FirstRound>) -> &FirstRound {
         self.begun.get_or_init(|| {
             let excerpts = case.excerpts();
             let searched = case.searched(excerpts.as_deref());
+            if let Some(known) = known() {
+                return known.moved_to(&searched);
+            }
             let root = if excerpts.is_some() { self.root.refitted(&searched) } else { self.root.clone() };
             FirstRound::of(&searched, root)
         })
@@ -319,14 +327,9 @@ impl<'a> Read<'a> {
     /// The first round of the search. Where it is known of a reading that is nearly the same, the effects that were found worth a
     /// fit there are fitted here.
     fn begun_among(&self, readings: &[Self]) -> &FirstRound {
-        let excerpts = self.case.excerpts();
-        let searched = self.case.searched(excerpts.as_deref());
-        let known =
-            readings.iter().find_map(|other| other.declared.begun.get().filter(|_| self.is_nearly(other)));
-        known.map_or_else(
-            || self.begun(),
-            |known| self.declared.begun.get_or_init(|| known.moved_to(&searched)),
-        )
+        self.declared.begun_or(self.case, || {
+            readings.iter().find_map(|other| other.declared.begun.get().filter(|_| self.is_nearly(other)))
+        })
     }
 
     /// Do the declared faults predict nearly the same in another reading, measured by what they leave there?

@@ -47,7 +47,8 @@ impl FirstRound {
         first
     }
 
-    /// The same models, fitted to a case that differs little from their own.
+    /// The same models, fitted to a case that differs little from their own: the one with the declared faults alone may be in a
+    /// better valley than a search for them found there.
     pub(super) fn moved_to(&self, case: &Case<'_>) -> Self {
         let moved = |model: &Hypothesis| model.moved_to(model.train.values.clone(), case);
         Self::from_models(case, moved(&self.root), self.grown.par_iter().map(moved).collect())
@@ -513,7 +514,7 @@ fn asked(tried: &[Hypothesis]) -> Option<&Hypothesis> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::super::signature::tests::{record, with};
     use super::{Case, Growth, Hypothesis, Rival};
     use crate::fit;
@@ -522,7 +523,7 @@ mod tests {
     use eha_monitor::parameter::Parameter;
 
     /// A rig with its faults fitted to the records of a case, and some effects in it.
-    fn model(case: &Case<'_>, rig: &Rig, added: &[&str]) -> Hypothesis {
+    pub(in super::super) fn model(case: &Case<'_>, rig: &Rig, added: &[&str]) -> Hypothesis {
         let start = [rig.parameters.bkl, rig.parameters.fdj];
         let fit = fit::polish(rig, &rig.faults, &start, case.records).unwrap();
         let added = added.iter().map(|name| EffectInfo::named(name).unwrap()).collect();

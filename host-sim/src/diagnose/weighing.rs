@@ -232,9 +232,9 @@ fn differ(
 
 #[cfg(test)]
 mod tests {
+    use super::super::search::tests::model;
     use super::super::signature::tests::{record, with};
-    use super::{Case, Hypothesis, learn};
-    use crate::fit;
+    use super::{Case, learn};
     use crate::rig::Rig;
     use eha_monitor::parameter::Parameter;
 
@@ -243,9 +243,7 @@ mod tests {
         let rig = Rig::load("eha").unwrap();
         let records = [record(&with(&rig, Parameter::ConstantLoad, 500.0))];
         let case = Case::new(&rig, &records, 1);
-        let start = [rig.parameters.bkl, rig.parameters.fdj];
-        let fit = fit::polish(&rig, &rig.faults, &start, &records).unwrap();
-        let model = Hypothesis::of(&case, rig.clone(), rig.declared(), [fit.clone(), fit], Vec::new());
+        let model = model(&case, &rig, &[]);
         let lower_by = |fall: f64| {
             let mut lower = model.clone();
             lower.joint.misfit.chi_square -= fall;
