@@ -38,11 +38,15 @@ const SEARCHED_S: f64 = 0.1;
 const SIEVE: u32 = 4;
 /// Mean square, in units of the noise, of what an effect leaves of them from which on it does not explain them.
 const BEYOND_NOISE: f64 = 2.0;
+/// Moments in turn over which the samples double: an effect that leaves more than noise of so many is given up, and one that
+/// does not explain so many more than that in which it was found explains those by chance.
+const DOUBLE: usize = 5;
 
 /// An effect beside a model that is followed from moment to moment.
 #[derive(Clone)]
 struct Followed {
-    /// Which moment it has come to.
+    /// Which moment it was found in, and which it has come to.
+    found: usize,
     moment: usize,
     /// Its fit there.
     there: Candidate,
@@ -51,26 +55,36 @@ struct Followed {
 }
 
 impl Followed {
-    /// At a moment.
+    /// At the moment in which it is found.
     fn at(moment: usize, there: Candidate) -> Self {
         let explained = there.explains().then(|| (moment, there.clone()));
-        Self { moment, there, explained }
+        Self { found: moment, moment, there, explained }
     }
 
     /// Fitted beside a model from each moment to the next, if it explains the first, as long as it explains these, or nearly.
     fn on(mut self, model: &Hypothesis, moments: &[Vec<Prepared>]) -> Self {
-        while self.explained.is_some() && self.moment + 1 < moments.len() && !interrupt::requested() {
+        while self.may_go_on() && self.moment + 1 < moments.len() && !interrupt::requested() {
             let after = |stride: usize| {
                 let moment = (self.moment + stride).min(moments.len() - 1);
                 Some(Self::at(moment, self.there.clone().finished(&model.rig, &moments[moment])?))
             };
             let is_near = |next: &Self| next.there.fit.misfit.mean_square() <= BEYOND_NOISE;
-            let next =
-                after(STRIDE).filter(|next| next.explained.is_some()).or_else(|| after(1).filter(is_near));
+            let far = if self.there.explains() { after(STRIDE) } else { None };
+            let next = far.filter(|next| next.explained.is_some()).or_else(|| after(1).filter(is_near));
             let Some(next) = next else { break };
-            self = Self { explained: next.explained.or(self.explained), ..next };
+            self = Self { found: self.found, explained: next.explained.or(self.explained), ..next };
         }
         self
+    }
+
+    /// Does it explain any moment, and has it not left more than noise for so long that chance would have evened out?
+    fn may_go_on(&self) -> bool {
+        self.last_explained().is_some_and(|last| self.moment < last + DOUBLE)
+    }
+
+    /// Does it explain twice the samples in which it was found, or all of some moments?
+    fn is_no_chance(&self, moments: &[Vec<Prepared>]) -> bool {
+        self.last_explained().is_some_and(|last| last >= (self.found + DOUBLE).min(moments.len() - 1))
     }
 
     /// The last moment that it explains, if it explains any.
@@ -91,7 +105,7 @@ impl Hypothesis {
     pub(super) fn followed(&self, case: &Case<'_>, settings: &FitSettings) -> Vec<Self> {
         let moments = self.unexplained_moments(case, settings);
         let mut singles = self.each_followed(case, &moments, settings);
-        let mut found = self.with(case, self.finished(case, &singles));
+        let mut found = self.with(case, self.finished(case, &singles, &moments));
         if self.added.is_empty() && !found.iter().any(|new| within_noise(&new.train.misfit)) {
             singles.sort_by(Followed::further);
             singles.truncate(BEAM);
@@ -111,7 +125,8 @@ impl Hypothesis {
         if !may_be_far || case.is_over() {
             return Vec::new();
         }
-        self.finished(case, &self.each_followed(case, &self.unexplained_moments(case, settings), settings))
+        let moments = self.unexplained_moments(case, settings);
+        self.finished(case, &self.each_followed(case, &moments, settings), &moments)
     }
 
     /// The first moments of the fitted records that this model does not explain, all that is free fitted to them, and all
@@ -165,9 +180,9 @@ impl Hypothesis {
         best
     }
 
-    /// Those of some effects that explain some moments, fitted to the whole.
-    fn finished(&self, case: &Case<'_>, followed: &[Followed]) -> Vec<Candidate> {
-        let explaining = followed.par_iter().filter(|followed| followed.explained.is_some());
+    /// Those of some effects that explain some moments by no chance, fitted to the whole.
+    fn finished(&self, case: &Case<'_>, followed: &[Followed], moments: &[Vec<Prepared>]) -> Vec<Candidate> {
+        let explaining = followed.par_iter().filter(|followed| followed.is_no_chance(moments));
         explaining.filter_map(|followed| followed.there.clone().finished(&self.rig, case.train())).collect()
     }
 
@@ -188,7 +203,7 @@ impl Hypothesis {
             .collect();
         pairs.sort_by(Followed::further);
         pairs.truncate(BEAM);
-        let mut whole = single.finished(case, &pairs);
+        let mut whole = single.finished(case, &pairs, moments);
         whole.retain(Candidate::explains);
         single.with(case, whole)
     }
