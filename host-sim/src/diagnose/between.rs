@@ -54,8 +54,9 @@ impl Jumping {
         curved.progress.begin("timing the jumps", [0.0, 1.0]);
         let mut first = jumps.timed(&curved, |case| Declared::of(case, settings).root, moved);
         if !first.model.leaves_noise(&first.case(case))
-            && let Some(asked) = asked_by_calm(&curved, settings)
+            && let Some(asked) = asked_by_calm(&curved, settings).map(|asked| asked.taken_to(&curved))
             && !curved.is_over()
+            && jumps.at_best_for(&asked, &curved).share_of(&asked) >= GROWING_SHARE
         {
             let beside = jumps.beside(&asked, &curved);
             let scale = least_scale([&first.model, &beside.model].into_iter());
