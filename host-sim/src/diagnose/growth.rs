@@ -21,7 +21,8 @@ const PROMISING: f64 = 4.0;
 const FORESEEN: f64 = 0.1;
 /// Part of its price that the linear model must foresee for an effect to be fitted beside others that leave noise.
 const HIDDEN: f64 = 0.5;
-/// Most effects that are approached by rough fits for a hypothesis where not all are wanted, the most promising first.
+/// Most effects that are approached by rough fits for a hypothesis where not all are wanted, the most promising first; and as
+/// many that are mixed up with a fault.
 const MOST_APPROACHED: usize = 10;
 /// Most of them that are fitted, to the fitted records and to all: more than look alike in the position alone, so that
 /// the held-out records decide among these.
@@ -93,9 +94,11 @@ impl Hypothesis {
         };
         promising.retain(|prospect| gain(prospect) > least(prospect));
         asked.retain(|prospect| !hides || gain(prospect) > least(prospect));
-        promising.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
-        if !all_wanted {
-            promising.truncate(MOST_APPROACHED);
+        for prospects in [&mut promising, &mut asked] {
+            prospects.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
+            if !all_wanted {
+                prospects.truncate(MOST_APPROACHED);
+            }
         }
         promising.append(&mut asked);
         (promising, wanted)
