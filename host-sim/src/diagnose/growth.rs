@@ -5,7 +5,7 @@ use super::candidate::{self, Candidate, Prospect};
 use super::hypothesis::{Hypothesis, beyond_noise};
 use super::place::Place;
 use super::residual;
-use super::search::BEAM;
+use super::search::{BEAM, GROWING_SHARE};
 use super::weighing::Earned;
 use crate::fit::{self, BETTER_VALLEY, FitSettings, TOLD_APART};
 use crate::interrupt;
@@ -199,9 +199,9 @@ impl Hypothesis {
     }
 
     /// The hypotheses with one more effect that the fitted records ask for. Where the fits of these show a better
-    /// valley of the model without them, it moves there first. Where the fitted records are explained and the held-out
-    /// ones speak against that, all of them are asked; `known` is what was fitted before. Effects of which the linear model
-    /// foresees little are tried as well where all are wanted.
+    /// valley of the model without them, it moves there, and looks again from there if that takes much away. Where the
+    /// fitted records are explained and the held-out ones speak against that, all of them are asked; `known` is what was
+    /// fitted before. Effects of which the linear model foresees little are tried as well where all are wanted.
     pub(super) fn grow(&mut self, case: &Case<'_>, known: &[Self], all_wanted: bool) -> Vec<Self> {
         if self.is_in_doubt() || self.is_contradicted(known) {
             let asked = self.asked_by_all(case);
@@ -215,7 +215,13 @@ impl Hypothesis {
                 break;
             }
             let Some(moved) = self.moved(case, &candidates) else { break };
+            let [here, there] = [&*self, &moved].map(|model| model.train.misfit);
+            let is_near = beyond_noise(&here)
+                .is_some_and(|beyond| here.chi_square - there.chi_square < GROWING_SHARE * beyond);
             *self = moved;
+            if is_near {
+                break;
+            }
             candidates = self.promising(case, all_wanted);
         }
         let Some(best) = candidates.first() else { return Vec::new() };

@@ -28,8 +28,8 @@ const GROWTH: f64 = 1.15;
 const FIRST_PART: f64 = 0.5;
 /// By how many such factors at once they grow as long as that leaves noise.
 const STRIDE: usize = 4;
-/// In how many of them an effect is searched before it is given up: the first that ask for something, then the first that it
-/// could not be followed to.
+/// In how many of them an effect is searched before it is given up: the first that ask for something, then, if it explains
+/// these, the first that it could not be followed to.
 const TRIES: usize = 3;
 /// How long a search in them may be for all evaluations of a budget, s.
 const SEARCHED_S: f64 = 0.1;
@@ -168,14 +168,15 @@ impl Hypothesis {
         let mut moment = 0;
         for _ in 0..TRIES {
             let Some(records) = moments.get(moment) else { break };
-            if let Some(found) = self.searched_in(records, effect, settings) {
-                let found = Followed::at(moment, found).on(self, moments);
-                moment = found.last_explained().unwrap_or(moment);
-                if best.as_ref().is_none_or(|best| found.last_explained() > best.last_explained()) {
-                    best = Some(found);
-                }
+            let Some(found) = self.searched_in(records, effect, settings) else { break };
+            let found = Followed::at(moment, found).on(self, moments);
+            let last = found.last_explained();
+            if best.is_none() || last.is_some() {
+                best = Some(found);
             }
-            moment += 1;
+            // What does not explain some moments does not explain longer ones.
+            let Some(last) = last else { break };
+            moment = last + 1;
         }
         best
     }

@@ -313,12 +313,12 @@ impl Growth<'_> {
         })
     }
 
-    /// Does something that was tried leave noise, of effects that earn their place, is another explanation cheaper, or is
-    /// the user in a hurry?
+    /// Does something that was tried or is suggested leave noise, of effects that earn their place, is another explanation
+    /// cheaper, or is the user in a hurry?
     fn is_done(&self) -> bool {
-        let Self { case, tried, .. } = self;
+        let Self { case, tried, suggested } = self;
         let explains = |known: &Hypothesis| known.leaves_noise(case) && known.is_welcome(case, tried);
-        case.is_over() || self.is_beaten() || tried.iter().any(explains)
+        case.is_over() || self.is_beaten() || tried.iter().chain(*suggested).any(explains)
     }
 
     /// What is grown next: where nothing that was tried leaves noise, also what explains the first moments of the records
