@@ -318,7 +318,11 @@ impl Growth<'_> {
     fn is_done(&self) -> bool {
         let Self { case, tried, suggested } = self;
         let explains = |known: &Hypothesis| known.leaves_noise(case) && known.is_welcome(case, tried);
-        case.is_over() || self.is_beaten() || tried.iter().chain(*suggested).any(explains)
+        // What is suggested was found in other records.
+        case.is_over()
+            || self.is_beaten()
+            || tried.iter().any(explains)
+            || suggested.is_some_and(|model| explains(&model.taken_to(case)))
     }
 
     /// What is grown next: where nothing that was tried leaves noise, also what explains the first moments of the records
@@ -545,6 +549,26 @@ pub(super) mod tests {
         assert!(is_beaten(&["leakage", "stribeck"], rival));
         assert!(is_beaten(&["leakage"], Rival { leaves_noise: true, ..rival }));
         assert!(!is_beaten(&["leakage", "stribeck"], Rival { cost: f64::INFINITY, ..rival }));
+    }
+
+    #[test]
+    fn what_is_suggested_is_judged_by_the_records_that_are_searched() {
+        let rig = Rig::load("eha").unwrap();
+        let [light, heavy] = [500.0, 1000.0].map(|load| with(&rig, Parameter::ConstantLoad, load));
+        let [whole, other] = [&light, &heavy].map(|truth| [record(truth)]);
+        let begin = [whole[0].begin(500)];
+        let mut found = model(&Case::new(&rig, &whole, 1), &light, &["constant-load"]);
+        // What it predicts for the records in which it was found is another thing.
+        found.predictions[0].reverse();
+        let is_done = |records: &[fit::Prepared], suggested: Option<&Hypothesis>| {
+            let case = Case::new(&rig, records, 1);
+            let tried = vec![model(&case, &rig, &[])];
+            Growth { case: &case, tried, suggested }.is_done()
+        };
+        assert!(!is_done(&begin, None));
+        assert!(is_done(&begin, Some(&found)));
+        assert!(is_done(&whole, Some(&found)));
+        assert!(!is_done(&other, Some(&found)));
     }
 
     #[test]
