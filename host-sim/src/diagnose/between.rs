@@ -56,7 +56,7 @@ impl Jumping {
         if !first.model.leaves_noise(&first.case(case))
             && let Some(asked) = asked_by_calm(&curved, settings).map(|asked| asked.taken_to(&curved))
             && !curved.is_over()
-            && jumps.at_best_for(&asked, &curved).share_of(&asked) >= GROWING_SHARE
+            && jumps.may_explain(&asked, &curved, &asked)
         {
             let beside = jumps.beside(&asked, &curved);
             let scale = least_scale([&first.model, &beside.model].into_iter());
@@ -88,7 +88,7 @@ impl Jumping {
             let rig = curved.rig.with_spool_of(&model.rig);
             let there = curved.under(&rig);
             let in_it = if is_in_it { Cow::Borrowed(model) } else { Cow::Owned(model.refitted(&there)) };
-            jumps.at_best_for(&in_it, &there).share_of(model) >= GROWING_SHARE
+            jumps.may_explain(&in_it, &there, model)
         };
         let is_worth_timing = |model: &&Hypothesis| {
             !model.added.is_empty()

@@ -215,11 +215,9 @@ impl Hypothesis {
                 break;
             }
             let Some(moved) = self.moved(case, &candidates) else { break };
-            let [here, there] = [&*self, &moved].map(|model| model.train.misfit);
-            let is_near = beyond_noise(&here)
-                .is_some_and(|beyond| here.chi_square - there.chi_square < GROWING_SHARE * beyond);
+            let is_far = moved.share_of_fitted(self) >= GROWING_SHARE;
             *self = moved;
-            if is_near {
+            if !is_far {
                 break;
             }
             candidates = self.promising(case, all_wanted);

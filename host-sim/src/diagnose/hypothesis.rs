@@ -142,10 +142,12 @@ impl Hypothesis {
     /// Share of another model's misfit beyond noise that this one takes away, of the fitted records and of all: the
     /// smaller one. Records that the other model leaves noise on do not count.
     pub(super) fn share_of(&self, other: &Self) -> f64 {
-        let share = |own: &Misfit<f64>, other: &Misfit<f64>| {
-            beyond_noise(other).map_or(1.0, |beyond| (other.chi_square - own.chi_square) / beyond)
-        };
-        share(&self.train.misfit, &other.train.misfit).min(share(&self.joint.misfit, &other.joint.misfit))
+        self.share_of_fitted(other).min(share(&self.joint.misfit, &other.joint.misfit))
+    }
+
+    /// The same of the fitted records alone.
+    pub(super) fn share_of_fitted(&self, other: &Self) -> f64 {
+        share(&self.train.misfit, &other.train.misfit)
     }
 
     /// Chi-square of all records in units of `scale`, with a price on every added parameter.
@@ -405,6 +407,11 @@ impl Hypothesis {
 /// Which of two leaves less of all records.
 pub(super) fn lower(a: &Hypothesis, b: &Hypothesis) -> Ordering {
     a.joint.misfit.chi_square.total_cmp(&b.joint.misfit.chi_square)
+}
+
+/// Share of a misfit beyond noise that is not left in another one; all of it where noise is left in the first.
+fn share(own: &Misfit<f64>, other: &Misfit<f64>) -> f64 {
+    beyond_noise(other).map_or(1.0, |beyond| (other.chi_square - own.chi_square) / beyond)
 }
 
 /// Chi-square beyond what noise makes of it; none where noise may be all there is.

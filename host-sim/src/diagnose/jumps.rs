@@ -7,7 +7,7 @@
 use super::Case;
 use super::hypothesis::{self, Hypothesis};
 use super::residual;
-use super::search::Rival;
+use super::search::{GROWING_SHARE, Rival};
 use crate::fit::{self, Polished, Prepared};
 use crate::rig::{self, Rig};
 use eha_monitor::fit::identify::within_noise;
@@ -234,9 +234,15 @@ impl Jumps {
         self.timed(&case.under(&rig), |case| model.refitted(case), moved)
     }
 
+    /// May they be much of what a model leaves: do some of their times take a tenth of it away? `in_it` is the model in the
+    /// reading of a case in which they jump.
+    pub(super) fn may_explain(&self, in_it: &Hypothesis, case: &Case<'_>, model: &Hypothesis) -> bool {
+        self.at_best_for(in_it, case).share_of(model) >= GROWING_SHARE
+    }
+
     /// A model as it is, with each jump at the place that suits it best. Where it leaves noise of the fitted records, their
     /// values are taken: what fits the held-out ones as well makes up for the jumps.
-    pub(super) fn at_best_for(&self, model: &Hypothesis, case: &Case<'_>) -> Hypothesis {
+    fn at_best_for(&self, model: &Hypothesis, case: &Case<'_>) -> Hypothesis {
         let of_fitted = within_noise(&model.train.misfit).then(|| model.as_fitted_have_it());
         let model = of_fitted.as_ref().unwrap_or(model);
         let jumps = self.each_at_best_of(&self.places(), model, case);
