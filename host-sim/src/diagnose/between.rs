@@ -5,7 +5,7 @@ use super::diagnosis::Diagnosis;
 use super::hypothesis::{self, Hypothesis};
 use super::jumps::{Jumps, Timed};
 use super::readings::{Answer, Declared, diagnose_in_noise};
-use super::search::{GROWING_SHARE, Rival, least_scale};
+use super::search::{GROWING_SHARE, Rival, Suggested, least_scale};
 use crate::fit::{self, Estimate, FitSettings, Prepared, Reading, TOLD_APART};
 use crate::rig::CommandPath;
 use std::borrow::Cow;
@@ -72,8 +72,9 @@ impl Jumping {
     }
 
     /// The effects beside which the first times were fitted; none where these are the declared faults alone.
-    pub(super) fn suggested(&self) -> Option<&Hypothesis> {
-        Some(&self.first.model).filter(|model| !model.added.is_empty())
+    pub(super) fn suggested(&self) -> Option<Suggested<'_>> {
+        let model = Some(&self.first.model).filter(|model| !model.added.is_empty())?;
+        Some(Suggested { model, explanation: None })
     }
 
     /// Diagnoses the case in it, if that explains more than the model that was found without it.

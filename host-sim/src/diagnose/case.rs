@@ -1,11 +1,10 @@
 //! What a diagnosis works on.
 
 use super::candidate::Candidate;
-use super::hypothesis::Hypothesis;
 use super::jumps::Timed;
 use super::progress::Progress;
 use super::residual::{self, ChannelResidual, MEASURED};
-use super::search::Rival;
+use super::search::{Rival, Suggested};
 use crate::fit::measured::PRESSURE;
 use crate::fit::{self, Prepared, Reading, Steps};
 use crate::interrupt;
@@ -46,7 +45,7 @@ pub struct Case<'a> {
     /// An explanation of the records that is known already, where one is: models that cost more are not grown.
     pub(super) rival: Option<Rival>,
     /// A model that is known to explain the records, or much of them, in another reading: tried in this one as well.
-    pub(super) suggested: Option<&'a Hypothesis>,
+    pub(super) suggested: Option<Suggested<'a>>,
     /// Whether the two most expensive searches are made where nothing else explains the records: in the first moments beside
     /// other effects, and over the whole ranges. They are made in the likeliest reading only.
     pub(super) searches_far: bool,

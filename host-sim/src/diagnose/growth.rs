@@ -7,7 +7,7 @@ use super::place::Place;
 use super::residual;
 use super::search::{BEAM, GROWING_SHARE};
 use super::weighing::Earned;
-use crate::fit::{self, BETTER_VALLEY, FitSettings, TOLD_APART};
+use crate::fit::{self, BETTER_VALLEY, FitSettings, Polished, TOLD_APART};
 use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
@@ -271,9 +271,7 @@ impl Hypothesis {
         settings: &FitSettings,
     ) -> Vec<Self> {
         let (scale, is_explained) = (self.scale(), self.leaves_noise(case));
-        let mine = |chi_square: f64, effect| chi_square / scale + self.price(effect, scale) + TOLD_APART;
-        let limit = mine(self.train.misfit.chi_square, earned.effect);
-        let joint_limit = mine(self.joint.misfit.chi_square, earned.effect);
+        let limit = self.cost_in_place_of(&self.train, earned);
         let without = &earned.without;
         let here = Place::of(&self.rig, &without.ranges);
         let wanted = without.train.misfit.chi_square - scale * limit;
@@ -304,6 +302,14 @@ impl Hypothesis {
                 others.push(known);
             }
         }
+        self.keep_stand_ins(case, earned, &mut others);
+        others
+    }
+
+    /// Keeps those of some models, each with another effect in the place of one of this, that do as well.
+    pub(super) fn keep_stand_ins(&self, case: &Case<'_>, earned: &Earned, others: &mut Vec<Self>) {
+        let (scale, is_explained) = (self.scale(), self.leaves_noise(case));
+        let [limit, joint_limit] = [&self.train, &self.joint].map(|fit| self.cost_in_place_of(fit, earned));
         others.retain(|other| {
             let price = other.newest().map_or(0.0, |effect| self.price(effect, scale));
             (!other.same_effects(self) || other.is_likelier(self))
@@ -311,7 +317,12 @@ impl Hypothesis {
                 && other.joint.misfit.chi_square / scale + price < joint_limit
                 && (!is_explained || other.leaves_noise(case))
         });
-        others
+    }
+
+    /// What another effect in the place of one that earned its own may cost at most, by a fit of this model, to do as well.
+    fn cost_in_place_of(&self, fit: &Polished, earned: &Earned) -> f64 {
+        let scale = self.scale();
+        fit.misfit.chi_square / scale + self.price(earned.effect, scale) + TOLD_APART
     }
 
     /// What explains the first moments beside the rest of this model in the place of one of its effects, where that leaves

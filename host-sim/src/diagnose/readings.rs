@@ -5,7 +5,10 @@ use super::conclusion::{Open, conclude, helped_by_whole, helpful};
 use super::diagnosis::{Diagnosis, Score, Verdict};
 use super::hypothesis::{Hypothesis, beyond_noise};
 use super::residual;
-use super::search::{self, ExplainedElsewhere, FirstRound, Known, MOST_EFFECTS};
+use super::search::{
+    self, Class, ExplainedElsewhere, Explanation, FirstRound, Known, MOST_EFFECTS, Suggested,
+};
+use super::weighing::Earned;
 use crate::fit::{self, BETTER_VALLEY, Fit, FitSettings, Polished, Reading, TOLD_APART};
 use crate::rig::{CommandPath, Rig};
 use eha_monitor::effect::EffectInfo;
@@ -38,6 +41,7 @@ pub(super) struct Answer {
     asked: Hypothesis,
     /// The models of one effect at most that were tried.
     simple: Vec<Hypothesis>,
+    explanation: Explanation,
 }
 
 impl Answer {
@@ -157,7 +161,7 @@ fn or_in_another(
     settings: &FitSettings,
 ) -> Answer {
     let is_unexplained = answer.is_unexplained();
-    let Answer { diagnosis, model: best, simple, .. } = &mut answer;
+    let Answer { diagnosis, model: best, simple, explanation, .. } = &mut answer;
     let scale = best.scale();
     let mut rivals = Vec::new();
     for Read { case: there, declared } in others {
@@ -185,7 +189,8 @@ fn or_in_another(
     }
     let is_usual = is_usual(&there);
     let Elsewhere { moved, is_open, case: there, declared } = there;
-    let suggested = Some(&moved).filter(|_| is_open);
+    let explanation = (!is_unexplained).then_some(&*explanation);
+    let suggested = is_open.then_some(Suggested { model: &moved, explanation });
     let there = Case { suggested, ..there.part([0.6, 1.0], ", in another reading").another() };
     if !is_open && !leaves_less(declared.begun(&there), simple, scale) {
         return answer;
@@ -405,8 +410,6 @@ fn diagnose_from(
     if there.chi_square < before.misfit.chi_square - BETTER_VALLEY {
         before = fit::fit_near(case.rig, ranges, values, case.train(), settings);
     }
-    case.progress.begin("looking for what is mixed up with a fault", [0.95, 1.0]);
-    let confounded = sound.best.confounded(&searched);
     let in_whole = |model: &Hypothesis| if in_excerpts { model.refitted(case) } else { model.clone() };
     let whole = in_whole(&sound.best);
     let whole = if whole.leaves_noise(case) { whole.settled(case) } else { whole };
@@ -420,15 +423,18 @@ fn diagnose_from(
         let none = vec![Vec::new(); earned.len()];
         (whole, earned, none)
     };
-    let open = Open { named, stand_ins, confounded };
+    let open = Open { named, stand_ins, confounded: sound.confounded };
     let diagnosis = conclude(case, before, &whole, &earned, &open);
-    Ok(Answer { diagnosis, model: whole, asked: sound.asked, simple: sound.simple })
+    let class = |(earned, others): (Earned, Vec<Hypothesis>)| Class { effect: earned.effect, others };
+    let classes = iter::zip(earned, open.stand_ins).map(class).collect();
+    let explanation = Explanation { classes, confounded: open.confounded };
+    Ok(Answer { diagnosis, model: whole, asked: sound.asked, simple: sound.simple, explanation })
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::signature::tests::{record, with};
-    use super::{Case, Declared, Read};
+    use super::{Answer, Case, Declared, Others, Read, Suggested, diagnose_from};
     use crate::fit::{self, FitSettings};
     use crate::rig::{CommandPath, Rig};
     use eha_monitor::parameter::Parameter;
@@ -462,5 +468,41 @@ mod tests {
         // What differs is looked at by itself.
         let (_, by_itself) = spent(&held, &known);
         assert!(by_itself > of_catalogue, "{by_itself} of {of_catalogue}");
+    }
+
+    #[test]
+    fn what_explains_the_records_in_another_reading_is_taken_over_from_there() {
+        let rig = Rig::load("eha").unwrap();
+        let settings = FitSettings::default();
+        let answer = |case: &Case<'_>, suggested: Option<Suggested<'_>>| -> (Answer, f64) {
+            let case = Case { suggested, ..case.part([0.0, 1.0], "") };
+            let declared = Declared::from_seeds(&case, &settings, 1);
+            declared.begun(&case);
+            let before = fit::spent_s(case.records);
+            let Ok(answer) = diagnose_from(&case, &declared, Others::NONE, &settings) else { unreachable!() };
+            (answer, fit::spent_s(case.records) - before)
+        };
+        let classes = |answer: &Answer| -> Vec<Vec<&str>> {
+            let found = &answer.diagnosis.found;
+            found.iter().map(|found| found.class.iter().map(|effect| effect.name).collect()).collect()
+        };
+        let compared = |parameter, size| {
+            let records = [record(&with(&rig, parameter, size))];
+            let curve = fit::on_path(&rig, &records, CommandPath::Curve).unwrap();
+            let lines = Case::new(&rig, &records, 1);
+            let curve = lines.read_as(&curve, "");
+            let (in_lines, _) = answer(&lines, None);
+            let suggested = Suggested { model: &in_lines.model, explanation: Some(&in_lines.explanation) };
+            let (anew, spent) = answer(&curve, None);
+            let (taken_over, spent_less) = answer(&curve, Some(suggested));
+            (classes(&in_lines), classes(&anew), classes(&taken_over), spent_less / spent)
+        };
+        let (there, anew, taken_over, spent) = compared(Parameter::ConstantLoad, 500.0);
+        assert_eq!(there, [["constant-load", "step-load"]]);
+        assert!(taken_over == there && anew == there && spent < 0.2, "{taken_over:?}, {anew:?}, {spent}");
+        // Another effect explains them better here.
+        let (there, anew, taken_over, spent) = compared(Parameter::Leakage, 1e-11);
+        assert_eq!((&there[0][0], &anew[0][0]), (&"pressure-gain", &"leakage"));
+        assert!(taken_over == anew && spent > 0.9, "{taken_over:?}, {spent}");
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Case;
 use super::hypothesis::{self, Hypothesis};
-use super::weighing::{self, Earned};
+use super::weighing::{Earned, learn};
 use crate::fit::{FitSettings, TOLD_APART};
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::identify::within_noise;
@@ -36,7 +36,7 @@ impl FirstRound {
         case.progress.begin(&round(0), [0.05, 0.1]);
         let mut grown = root.grow(case, &[], true);
         for hidden in root.hidden(case) {
-            weighing::learn(&mut grown, hidden);
+            learn(&mut grown, hidden);
         }
         Self::from_models(case, root, grown)
     }
@@ -128,8 +128,30 @@ pub(super) struct ExplainedElsewhere(pub(super) usize);
 pub(super) struct Known<'a> {
     /// A model that what is found is weighed against.
     pub(super) model: Option<Hypothesis>,
-    /// A model of other records that is fitted to these when as many effects are tried.
-    pub(super) suggested: Option<&'a Hypothesis>,
+    /// One that is fitted to these records when as many effects are tried.
+    pub(super) suggested: Option<Suggested<'a>>,
+}
+
+/// A model of other records, or of another reading of these.
+#[derive(Clone, Copy)]
+pub(super) struct Suggested<'a> {
+    pub(super) model: &'a Hypothesis,
+    /// What is known of it, if it explains these records in another reading.
+    pub(super) explanation: Option<&'a Explanation>,
+}
+
+/// What is known of a model that explains records.
+pub(super) struct Explanation {
+    /// What could stand in for each of its effects.
+    pub(super) classes: Vec<Class>,
+    /// For each declared fault, the effects whose presence would leave it undetermined.
+    pub(super) confounded: Vec<Vec<&'static EffectInfo>>,
+}
+
+/// An effect, and the models in which another one stands in for it, their newest.
+pub(super) struct Class {
+    pub(super) effect: &'static EffectInfo,
+    pub(super) others: Vec<Hypothesis>,
 }
 
 /// Grows the model with the declared faults alone by more effects than the first, and drops what does not earn its place.
@@ -140,12 +162,17 @@ pub(super) struct Known<'a> {
 /// It does.
 pub(super) fn search(
     case: &Case<'_>,
-    FirstRound { root, grown, .. }: FirstRound,
-    Known { model, suggested }: Known<'_>,
+    first: FirstRound,
+    known: Known<'_>,
     elsewhere: impl Fn(&Hypothesis, usize) -> Option<usize>,
     settings: &FitSettings,
 ) -> Result<Sound, ExplainedElsewhere> {
+    if let Some(sound) = taken_over(case, &first, &known) {
+        return Ok(sound);
+    }
+    let Known { model, suggested } = known;
     let mut growth = Growth { case, tried: model.into_iter().collect(), suggested };
+    let FirstRound { root, grown, .. } = first;
     let root = [root];
     let beam = growth.chosen(&root, grown);
     let mut rounds = 0;
@@ -162,7 +189,7 @@ pub(super) fn search(
         return Err(ExplainedElsewhere(place));
     }
     let suggested = growth.suggested.take();
-    growth.tried.extend(suggested.map(|model| model.refitted(case)));
+    growth.tried.extend(suggested.map(|suggested| suggested.model.refitted(case)));
     growth.look_beside_the_first();
     growth.look_again();
     if case.searches_far {
@@ -172,7 +199,6 @@ pub(super) fn search(
         growth.run_from_afar(settings);
     }
     let mut tried = growth.tried;
-    let simple = tried.iter().filter(|known| known.added.len() <= 1).cloned().collect();
     case.progress.begin("testing what was found", [0.9, 0.95]);
     let mut sound = Sound::of(case, &mut tried);
     sound.find_stand_ins(case, &tried, settings);
@@ -191,7 +217,40 @@ pub(super) fn search(
         sound = next;
         sound.find_stand_ins(case, &tried, settings);
     }
-    Ok(Sound { simple, ..sound })
+    case.progress.begin("looking for what is mixed up with a fault", [0.95, 1.0]);
+    let confounded = sound.best.confounded(case);
+    Ok(Sound { confounded, ..sound })
+}
+
+/// What explains the records in another reading, with what is known of it there, if it explains them in this one as well, and
+/// nothing that was found before the search is better.
+fn taken_over(case: &Case<'_>, first: &FirstRound, known: &Known<'_>) -> Option<Sound> {
+    let Suggested { model, explanation } = known.suggested?;
+    let Explanation { classes, confounded } = explanation?;
+    case.progress.begin("testing what was found", [0.1, 0.95]);
+    let here = |model: &Hypothesis| model.moved_to(model.train.values.clone(), case);
+    let model = here(model);
+    if !model.leaves_noise(case) {
+        return None;
+    }
+    let others: Vec<Vec<Hypothesis>> =
+        classes.par_iter().map(|class| class.others.iter().map(here).collect()).collect();
+    let mut tried: Vec<Hypothesis> = known.model.iter().chain(first.models()).cloned().collect();
+    for new in iter::once(&model).chain(others.iter().flatten()) {
+        learn(&mut tried, new.clone());
+    }
+    let mut sound = Sound::of(case, &mut tried);
+    if !sound.best.same_effects(&model) {
+        return None;
+    }
+    let stand_ins = |earned: &Earned| {
+        let found = classes.iter().zip(&others).find(|(class, _)| class.effect == earned.effect);
+        let mut others = found.map_or_else(Vec::new, |(_, others)| others.clone());
+        sound.best.keep_stand_ins(case, earned, &mut others);
+        others
+    };
+    sound.stand_ins = sound.earned.iter().map(stand_ins).collect();
+    Some(Sound { confounded: confounded.clone(), ..sound })
 }
 
 /// The best of a search that ends as soon as what is left of the fitted records may be noise, or with so many effects, and
@@ -208,8 +267,8 @@ struct Growth<'a> {
     case: &'a Case<'a>,
     /// All that was tried.
     tried: Vec<Hypothesis>,
-    /// A model of other records that is fitted to these when as many effects are tried.
-    suggested: Option<&'a Hypothesis>,
+    /// One that is fitted to these records when as many effects are tried.
+    suggested: Option<Suggested<'a>>,
 }
 
 impl Growth<'_> {
@@ -255,9 +314,10 @@ impl Growth<'_> {
 
     /// Keeps a beam and what grew from it, and says what is grown next: nothing where that would not help.
     fn chosen(&mut self, beam: &[Hypothesis], mut grown: Vec<Hypothesis>) -> Vec<Hypothesis> {
-        if let Some(suggested) = self.suggested.take_if(|model| model.added.len() == beam[0].added.len() + 1)
+        if let Some(suggested) =
+            self.suggested.take_if(|known| known.model.added.len() == beam[0].added.len() + 1)
         {
-            weighing::learn(&mut grown, suggested.refitted(self.case));
+            learn(&mut grown, suggested.model.refitted(self.case));
         }
         self.tried.retain(|known| !beam.iter().any(|moved| moved.same_effects(known)));
         self.tried.extend(beam.iter().chain(&grown).cloned());
@@ -322,7 +382,7 @@ impl Growth<'_> {
         case.is_over()
             || self.is_beaten()
             || tried.iter().any(explains)
-            || suggested.is_some_and(|model| explains(&model.taken_to(case)))
+            || suggested.is_some_and(|known| explains(&known.model.taken_to(case)))
     }
 
     /// What is grown next: where nothing that was tried leaves noise, also what explains the first moments of the records
@@ -345,7 +405,7 @@ impl Growth<'_> {
                 continue;
             }
             for new in found {
-                weighing::learn(&mut beam, new);
+                learn(&mut beam, new);
             }
             self.tried.retain(|known| !beam.iter().any(|new| new.same_effects(known)));
             beam = self.chosen(slice::from_ref(base), beam);
@@ -427,6 +487,8 @@ pub(super) struct Sound {
     /// For each of its effects, the hypotheses with another in its place (their newest) that do as well, where effects are a
     /// name.
     pub(super) stand_ins: Vec<Vec<Hypothesis>>,
+    /// For each declared fault, the effects whose presence would leave it undetermined.
+    pub(super) confounded: Vec<Vec<&'static EffectInfo>>,
 }
 
 impl Sound {
@@ -434,7 +496,8 @@ impl Sound {
         let (best, earned) = soundest(case, tried);
         let root = root(tried).unwrap_or(&best).clone();
         let asked = asked(tried).unwrap_or(&best).clone();
-        Self { root, best, asked, simple: Vec::new(), earned, stand_ins: Vec::new() }
+        let simple = tried.iter().filter(|known| known.added.len() <= 1).cloned().collect();
+        Self { root, best, asked, simple, earned, stand_ins: Vec::new(), confounded: Vec::new() }
     }
 
     fn find_stand_ins(&mut self, case: &Case<'_>, tried: &[Hypothesis], settings: &FitSettings) {
@@ -520,7 +583,7 @@ fn asked(tried: &[Hypothesis]) -> Option<&Hypothesis> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::super::signature::tests::{record, with};
-    use super::{Case, Growth, Hypothesis, Rival};
+    use super::{Case, Growth, Hypothesis, Rival, Suggested};
     use crate::fit;
     use crate::rig::Rig;
     use eha_monitor::effect::EffectInfo;
@@ -561,6 +624,7 @@ pub(super) mod tests {
         // What it predicts for the records in which it was found is another thing.
         found.predictions[0].reverse();
         let is_done = |records: &[fit::Prepared], suggested: Option<&Hypothesis>| {
+            let suggested = suggested.map(|model| Suggested { model, explanation: None });
             let case = Case::new(&rig, records, 1);
             let tried = vec![model(&case, &rig, &[])];
             Growth { case: &case, tried, suggested }.is_done()
@@ -581,6 +645,7 @@ pub(super) mod tests {
         let [one, other] =
             [&["constant-load"][..], &["constant-load", "leakage"]].map(|added| model(&case, &truth, added));
         let names = |suggested: Option<&Hypothesis>| -> Vec<&str> {
+            let suggested = suggested.map(|model| Suggested { model, explanation: None });
             let mut growth = Growth { case: &case, tried: Vec::new(), suggested };
             let beam = growth.chosen(std::slice::from_ref(&root), Vec::new());
             assert_eq!(growth.suggested.is_some(), beam.is_empty() && suggested.is_some());
