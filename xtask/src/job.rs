@@ -126,9 +126,9 @@ fn root() -> &'static Path {
 fn cargo() -> Command {
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo.current_dir(root());
-    // What serves the next build is of no use to a clone that is built once.
+    // What serves the next build, or a debugger, is of no use to a clone that is built once.
     if env::var_os("CI").is_some() {
-        cargo.env("CARGO_INCREMENTAL", "0");
+        cargo.envs([("CARGO_INCREMENTAL", "0"), ("CARGO_PROFILE_DEV_DEBUG", "0")]);
     }
     cargo
 }

@@ -127,13 +127,14 @@ pub fn fit_near(
     on_records(rig, ranges, records, FIT_TOLERANCE, search)
 }
 
-struct Search<'a, W> {
+/// Whom it is told is not a type of its own: the search is compiled once for each integrator, not for each listener as well.
+struct Search<'a> {
     settings: &'a FitSettings,
     near: Option<&'a [f64]>,
-    watch: &'a mut W,
+    watch: &'a mut dyn FnMut(Standing),
 }
 
-impl<W: FnMut(Standing)> Job for Search<'_, W> {
+impl Job for Search<'_> {
     type Output = Fit;
 
     fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Fit {
@@ -146,7 +147,7 @@ fn search<S: Stepper<f64>>(
     settings: &FitSettings,
     near: Option<&[f64]>,
     steppers: &mut [S],
-    watch: &mut impl FnMut(Standing),
+    watch: &mut dyn FnMut(Standing),
 ) -> Fit {
     let started = Instant::now();
     let mut core_settings = identify::Settings { budget: settings.budget, ..identify::Settings::default() };
