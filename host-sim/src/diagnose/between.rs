@@ -54,7 +54,7 @@ impl Jumping {
         curved.progress.begin("timing the jumps", [0.0, 1.0]);
         let mut first = jumps.timed(&curved, |case| Declared::of(case, settings).root, moved);
         if !first.model.leaves_noise(&first.case(case))
-            && let Some(asked) = asked_by_calm(&curved, settings).map(|asked| asked.taken_to(&curved))
+            && let Some(asked) = asked_by_calm(case, &curved, settings).map(|asked| asked.taken_to(&curved))
             && !curved.is_over()
             && jumps.may_explain(&asked, &curved, &asked)
         {
@@ -145,16 +145,62 @@ impl Jumping {
 }
 
 /// What those of the fitted records ask for whose commands do not jump, where there are any and the declared faults alone do
-/// not explain them: that cannot be the doing of a jump.
-fn asked_by_calm(case: &Case<'_>, settings: &FitSettings) -> Option<Hypothesis> {
-    let is_calm = |record: &&Prepared| record.jumps().is_empty();
-    let calm: Vec<Prepared> = case.records.iter().filter(is_calm).cloned().collect();
-    let fitted = case.train().iter().filter(is_calm).count();
+/// not explain them: that cannot be the doing of a jump. None where a computer may hold the commands: it may be the doing of
+/// that. `curved` is the case in the reading that is asked.
+fn asked_by_calm(case: &Case<'_>, curved: &Case<'_>, settings: &FitSettings) -> Option<Hypothesis> {
+    let is_calm: Vec<bool> = curved.records.iter().map(|record| record.jumps().is_empty()).collect();
+    let fitted = is_calm[..curved.fitted].iter().filter(|&&is_calm| is_calm).count();
     if fitted == 0 {
         return None;
     }
-    let calm = Case { records: &calm, fitted, ..*case };
+    let calm_of = |case: &Case<'_>| -> Vec<Prepared> {
+        let calm = iter::zip(case.records, &is_calm).filter(|&(_, &is_calm)| is_calm);
+        calm.map(|(record, _)| record.clone()).collect()
+    };
+    let calm = Case { records: &calm_of(curved), fitted, ..*curved };
     let declared = Declared::of(&calm, settings);
-    let asked = (!declared.root.leaves_noise(&calm)).then(|| declared.sketched(&calm))?;
+    if declared.root.leaves_noise(&calm) {
+        return None;
+    }
+    if let Some(held) = fit::on_path(case.rig, &calm_of(case), CommandPath::Held) {
+        let held = Declared::from_seeds(&calm.read_as(&held, ""), settings, 1);
+        if hypothesis::lower(&held.root, &declared.root).is_lt() {
+            return None;
+        }
+    }
+    let asked = declared.sketched(&calm);
     (!asked.added.is_empty()).then_some(asked)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::signature::tests::{record, with};
+    use super::{Case, asked_by_calm};
+    use crate::fit::{self, FitSettings, Prepared};
+    use crate::record::Record;
+    use crate::rig::{CommandPath, Rig};
+    use eha_monitor::channel::Channel;
+    use eha_monitor::parameter::Parameter;
+
+    #[test]
+    fn calm_records_of_a_command_that_a_computer_holds_ask_for_nothing() {
+        let mut rig = Rig::load("eha").unwrap();
+        (rig.parameters.bkl, rig.parameters.fdj) = (2e-4, 800.0);
+        let asked = |records: &[Prepared]| {
+            let case = Case::new(&rig, records, 1);
+            let curve = fit::on_path(&rig, records, CommandPath::Curve).unwrap();
+            let asked = asked_by_calm(&case, &case.read_as(&curve, ""), &FitSettings::default());
+            asked.map(|asked| asked.added.iter().map(|effect| effect.name).collect::<Vec<_>>())
+        };
+        let loaded = record(&with(&rig, Parameter::ConstantLoad, 500.0));
+        assert_eq!(asked(std::slice::from_ref(&loaded)), Some(vec!["constant-load"]));
+        let held = fit::on_path(&rig, &[loaded], CommandPath::Held).unwrap();
+        let command = held.records[0].command().to_vec();
+        let position =
+            fit::predict(&held.rig, &held.records).concat().iter().map(|outputs| outputs.user).collect();
+        let channels = vec![(Channel::Command, command), (Channel::UserPosition, position)];
+        let record = Record::new("held", 1e-3, 0.0, channels).unwrap();
+        let noise = [1e-6, f64::INFINITY, f64::INFINITY, f64::INFINITY];
+        assert_eq!(asked(&[fit::prepare_with(&rig, &record, noise)]), None);
+    }
 }
