@@ -163,8 +163,8 @@ fn asked_by_calm(case: &Case<'_>, curved: &Case<'_>, settings: &FitSettings) -> 
         return None;
     }
     if let Some(held) = fit::on_path(case.rig, &calm_of(case), CommandPath::Held) {
-        let held = Declared::from_seeds(&calm.read_as(&held, ""), settings, 1);
-        if hypothesis::lower(&held.root, &declared.root).is_lt() {
+        let least = declared.root.joint.misfit.chi_square;
+        if Declared::leaving_less(&calm.read_as(&held, ""), settings, least).is_some() {
             return None;
         }
     }
@@ -177,9 +177,7 @@ mod tests {
     use super::super::signature::tests::{record, with};
     use super::{Case, asked_by_calm};
     use crate::fit::{self, FitSettings, Prepared};
-    use crate::record::Record;
     use crate::rig::{CommandPath, Rig};
-    use eha_monitor::channel::Channel;
     use eha_monitor::parameter::Parameter;
 
     #[test]
@@ -192,15 +190,9 @@ mod tests {
             let asked = asked_by_calm(&case, &case.read_as(&curve, ""), &FitSettings::default());
             asked.map(|asked| asked.added.iter().map(|effect| effect.name).collect::<Vec<_>>())
         };
-        let loaded = record(&with(&rig, Parameter::ConstantLoad, 500.0));
-        assert_eq!(asked(std::slice::from_ref(&loaded)), Some(vec!["constant-load"]));
-        let held = fit::on_path(&rig, &[loaded], CommandPath::Held).unwrap();
-        let command = held.records[0].command().to_vec();
-        let position =
-            fit::predict(&held.rig, &held.records).concat().iter().map(|outputs| outputs.user).collect();
-        let channels = vec![(Channel::Command, command), (Channel::UserPosition, position)];
-        let record = Record::new("held", 1e-3, 0.0, channels).unwrap();
-        let noise = [1e-6, f64::INFINITY, f64::INFINITY, f64::INFINITY];
-        assert_eq!(asked(&[fit::prepare_with(&rig, &record, noise)]), None);
+        let loaded = with(&rig, Parameter::ConstantLoad, 500.0);
+        assert_eq!(asked(&[record(&loaded)]), Some(vec!["constant-load"]));
+        let held = record(&Rig { command_path: CommandPath::Held, ..loaded }).along(&rig);
+        assert_eq!(asked(&[held]), None);
     }
 }

@@ -117,8 +117,13 @@ impl Hypothesis {
         Self::of(case, self.rig.clone(), self.ranges.clone(), fits, self.added.clone())
     }
 
-    /// The same fitted to the records of a case that differ little from its own, from values near its own.
-    pub(super) fn moved_to(&self, values: Vec<f64>, case: &Case<'_>) -> Self {
+    /// The same fitted to the records of a case that differ little from its own.
+    pub(super) fn moved_to(&self, case: &Case<'_>) -> Self {
+        self.moved_from(self.train.values.clone(), case)
+    }
+
+    /// The same from values near its own.
+    pub(super) fn moved_from(&self, values: Vec<f64>, case: &Case<'_>) -> Self {
         self.refitted_from(vec![Place { ranges: self.ranges.clone(), values }], case)
     }
 

@@ -73,7 +73,7 @@ impl Timed {
     pub(super) fn settled(mut self, case: &Case<'_>) -> Self {
         for _ in 0..MOST_STEPS {
             let Some((jumps, values)) = self.foreseen() else { break };
-            let moved = jumps.with(case, |case| self.model.moved_to(values.clone(), case));
+            let moved = jumps.with(case, |case| self.model.moved_from(values.clone(), case));
             let fall = self.model.joint.misfit.chi_square - moved.model.joint.misfit.chi_square;
             if fall > 0.0 {
                 self = moved;
@@ -230,7 +230,7 @@ impl Jumps {
     /// Times them beside a model that was found in another reading of the records.
     pub(super) fn beside(&self, model: &Hypothesis, case: &Case<'_>) -> Timed {
         let rig = case.rig.with_spool_of(&model.rig);
-        let moved = |_: &Hypothesis, case: &Case<'_>| model.moved_to(model.train.values.clone(), case);
+        let moved = |_: &Hypothesis, case: &Case<'_>| model.moved_to(case);
         self.timed(&case.under(&rig), |case| model.refitted(case), moved)
     }
 

@@ -115,8 +115,8 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
         held_case = held.as_ref().map(|reading| case.read_as(reading, HELD));
         let least = misfits.iter().map(|misfit| misfit.chi_square).fold(f64::INFINITY, f64::min);
         read.extend(held_case.as_ref().and_then(|held| {
-            let held = Read { case: held, declared: Declared::from_seeds(held, settings, 1) };
-            (held.misfit().chi_square < least).then_some(held)
+            let declared = Declared::leaving_less(held, settings, least)?;
+            Some(Read { case: held, declared })
         }));
         let may_be_held = read.len() > misfits.len();
         if may_be_held || !is_settled {
@@ -165,7 +165,7 @@ fn or_in_another(
     let scale = best.scale();
     let mut rivals = Vec::new();
     for Read { case: there, declared } in others {
-        let mut moved = best.moved_to(best.train.values.clone(), there);
+        let mut moved = best.moved_to(there);
         // The usual reading is not given up for a valley in which it is not at its best.
         if ptr::eq(there, case) && !is_unexplained {
             moved = moved.settled(there);
@@ -284,6 +284,12 @@ impl Declared {
         Self { fit, root, begun: OnceCell::new() }
     }
 
+    /// Those of a case, searched from one seed, if they leave less of all its records than a bound.
+    pub(super) fn leaving_less(case: &Case<'_>, settings: &FitSettings, bound: f64) -> Option<Self> {
+        let declared = Self::from_seeds(case, settings, 1);
+        (declared.root.joint.misfit.chi_square < bound).then_some(declared)
+    }
+
     /// The first round of the search beside them. Long records are searched in excerpts.
     fn begun(&self, case: &Case<'_>) -> &FirstRound {
         self.begun_or(case, || None)
@@ -368,8 +374,7 @@ impl Others<'_> {
         if best.leaves_noise(case) {
             return None;
         }
-        let moved =
-            |there: &Read<'_>| best.moved_to(best.train.values.clone(), there.case).leaves_noise(there.case);
+        let moved = |there: &Read<'_>| best.moved_to(there.case).leaves_noise(there.case);
         let by_itself =
             if best.added.len() >= EFFECTS_ELSEWHERE { self.read.iter().position(moved) } else { None };
         let usual = usize::from(self.has_usual);

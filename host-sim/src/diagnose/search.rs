@@ -50,7 +50,7 @@ impl FirstRound {
     /// The same models, fitted to a case that differs little from their own: the one with the declared faults alone may be in a
     /// better valley than a search for them found there.
     pub(super) fn moved_to(&self, case: &Case<'_>) -> Self {
-        let moved = |model: &Hypothesis| model.moved_to(model.train.values.clone(), case);
+        let moved = |model: &Hypothesis| model.moved_to(case);
         Self::from_models(case, moved(&self.root), self.grown.par_iter().map(moved).collect())
     }
 
@@ -115,6 +115,9 @@ impl Rival {
 
 /// Share of the misfit beyond noise that an effect must take away for any other to be looked for beside it.
 const NEARLY_ALL: f64 = 0.9;
+
+/// What is told while it is tested what was found.
+const TESTING: &str = "testing what was found";
 
 /// What is told of a round that adds an effect to so many.
 fn round(added: usize) -> String {
@@ -199,7 +202,7 @@ pub(super) fn search(
         growth.run_from_afar(settings);
     }
     let mut tried = growth.tried;
-    case.progress.begin("testing what was found", [0.9, 0.95]);
+    case.progress.begin(TESTING, [0.9, 0.95]);
     let mut sound = Sound::of(case, &mut tried);
     sound.find_stand_ins(case, &tried, settings);
     for _ in 0..MOST_EFFECTS {
@@ -227,8 +230,8 @@ pub(super) fn search(
 fn taken_over(case: &Case<'_>, first: &FirstRound, known: &Known<'_>) -> Option<Sound> {
     let Suggested { model, explanation } = known.suggested?;
     let Explanation { classes, confounded } = explanation?;
-    case.progress.begin("testing what was found", [0.1, 0.95]);
-    let here = |model: &Hypothesis| model.moved_to(model.train.values.clone(), case);
+    case.progress.begin(TESTING, [0.1, 0.95]);
+    let here = |model: &Hypothesis| model.moved_to(case);
     let model = here(model);
     if !model.leaves_noise(case) {
         return None;
