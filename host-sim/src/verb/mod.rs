@@ -79,8 +79,13 @@ impl InputOptions {
             .map(|path| {
                 let (path, own) = segment(path)?;
                 let [from_s, to_s] = own.unwrap_or([self.from, self.to]);
-                let options =
-                    ReadOptions { columns: columns.clone(), sample_rate_hz: self.rate, from_s, to_s };
+                let options = ReadOptions {
+                    columns: columns.clone(),
+                    sample_rate_hz: self.rate,
+                    from_s,
+                    to_s,
+                    ..ReadOptions::default()
+                };
                 let loaded = record::read(&path, &options)?;
                 log_warnings(common, &loaded.warnings);
                 Ok(loaded)
@@ -295,7 +300,7 @@ struct Fitted {
     trace: Option<PathBuf>,
 }
 
-/// Mean square of the residual, in units of the noise, above which a model is said to lack something.
+/// Mean square of the residual, in units of the noise, above which it is asked whether the command was recorded late.
 const SUSPECT: f64 = 2.0;
 
 /// Reads records and fits the ranges that `choose` takes from the rig; `writes` are the files of the result in the
@@ -317,7 +322,12 @@ fn fit_records(
     record_notes.extend(common_samples(common, &given, records.len())?);
     let noise_source = fit::noise_source(&rig, &records);
     let prepared: Vec<Prepared> = records.iter().map(|record| fit::prepare(&rig, record)).collect();
-    let settings = FitSettings { seed: common.seed, population: options.population, budget: options.budget };
+    let settings = FitSettings {
+        seed: common.seed,
+        population: options.population,
+        budget: options.budget,
+        ..FitSettings::default()
+    };
     let bar = output::bar(common, u64::from(options.budget), "identifying", Time::Left);
     let show = |standing| output::show_standing(&bar, standing);
     let tell = |what: &str| bar.suspend(|| output::log(common, what));
