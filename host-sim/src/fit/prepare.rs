@@ -65,6 +65,8 @@ pub struct Prepared {
     pub lost: [f64; MEASURED],
     /// The steps in which the sensor of each measured channel is read; none where they are finer than a model's own error.
     pub steps: [Option<Steps>; MEASURED],
+    /// Stretches that are not compared, because too few samples are there to tell where they start.
+    pub unstarted: usize,
     /// The account of what is spent on it.
     pub(super) effort: Effort,
 }
@@ -115,16 +117,18 @@ impl Prepared {
         if available < 2 * wanted.max(1) {
             return None;
         }
-        let at: Vec<usize> =
-            (0..wanted.max(1)).map(|piece| piece * available / wanted.max(1) * stretch).collect();
+        let start = |at: usize| match at / stretch {
+            piece if !is_whole || piece == 0 => Some(self.starts[piece]),
+            _ => moving_start(&self.measured[0], at, self.sample_period),
+        };
+        let (at, starts): (Vec<usize>, Vec<Start<f64>>) = (0..wanted.max(1))
+            .map(|piece| piece * available / wanted.max(1) * stretch)
+            .filter_map(|at| Some((at, start(at)?)))
+            .unzip();
         let cut = |values: &Vec<f64>| -> Vec<f64> {
             at.iter().filter_map(|&at| values.get(at..at + stretch)).flatten().copied().collect()
         };
-        let start = |&at: &usize| match at / stretch {
-            piece if !is_whole || piece == 0 => self.starts[piece],
-            _ => moving_start(&self.measured[0], at, self.sample_period),
-        };
-        Some(Self { stretch, settle, ..self.cut(cut, at.iter().map(start).collect()) })
+        Some(Self { stretch, settle, ..self.cut(cut, starts) })
     }
 
     /// The first samples of the record, so many of them; one at least.
@@ -226,6 +230,11 @@ impl Prepared {
             self.command.iter().map(|&value| if is_even(value) { lost } else { -lost }).collect();
         let moved = |values: &[f64]| values.iter().zip(&moved_by).map(|(value, by)| value + by).collect();
         Self { command: moved(&self.command), arriving: moved(&self.arriving), ..self.clone() }
+    }
+
+    /// Time at the start of a record of one stretch that is not compared, while the start is forgotten, s.
+    pub fn settling_s(&self) -> f64 {
+        if self.stretch < self.len() { 0.0 } else { self.settle as f64 * self.sample_period }
     }
 
     /// Samples at which the command jumps.
@@ -413,11 +422,21 @@ pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepa
     }
     let settled = ((SETTLE_S / sample_period) as usize).min(command.len() / 4);
     let restart = rig.restart_s.map(|seconds| ((seconds / sample_period).round() as usize).max(2));
+    let mut measured = Channel::MEASURED.map(|channel| values(channel).unwrap_or_default());
+    let mut unstarted = 0;
     let (starts, stretch, settle) = if law.is_some() {
-        (vec![moving_start(&position, 0, sample_period)], command.len(), settled)
+        (vec![first_start(&position, sample_period)], command.len(), settled)
     } else if let Some(stretch) = restart {
-        let starts = (0..command.len()).step_by(stretch).map(|at| moving_start(&position, at, sample_period));
-        (starts.collect(), stretch, 1)
+        let start = |at: usize| {
+            moving_start(&position, at, sample_period).unwrap_or_else(|| {
+                unstarted += 1;
+                for values in measured.iter_mut().filter(|values| !values.is_empty()) {
+                    values[at..(at + stretch).min(position.len())].fill(f64::NAN);
+                }
+                Start::default()
+            })
+        };
+        ((0..command.len()).step_by(stretch).map(start).collect(), stretch, 1)
     } else {
         let first: Vec<f64> = ram.iter().copied().filter(|x| x.is_finite()).take(START_SAMPLES).collect();
         let mean = first.iter().sum::<f64>() / first.len().max(1) as f64;
@@ -429,7 +448,6 @@ pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepa
             (vec![Start { ram: mean, ..Start::default() }], command.len(), settled)
         }
     };
-    let measured = Channel::MEASURED.map(|channel| values(channel).unwrap_or_default());
     let drive = drive.unwrap_or_default();
     let on_lines = Prepared {
         sample_period,
@@ -449,18 +467,26 @@ pub fn prepare_with(rig: &Rig, record: &Record, noise: [f64; MEASURED]) -> Prepa
         drive,
         lost: [0.0; MEASURED],
         steps: [None; MEASURED],
+        unstarted,
         effort: Effort::default(),
     };
     let mut prepared = on_lines.along(rig);
     if law.is_none() && restart.is_none() && settle > 0 {
-        let moving = moving_start(&ram, 0, sample_period);
+        let moving = first_start(&ram, sample_period);
         prepared.settle = prepared.forgets(rig, moving).clamp(settle, prepared.len() / 2);
     }
     prepared
 }
 
-/// Time, position and velocity at a sample, from a parabola through the samples around it.
-fn moving_start(position: &[f64], at: usize, sample_period: f64) -> Start<f64> {
+/// Position and velocity at the first sample; at rest where the first one that is there is, if too few are there at first.
+fn first_start(position: &[f64], sample_period: f64) -> Start<f64> {
+    let first = || position.iter().copied().find(|value| value.is_finite()).unwrap_or_default();
+    moving_start(position, 0, sample_period).unwrap_or_else(|| Start { ram: first(), ..Start::default() })
+}
+
+/// Time, position and velocity at a sample, from a parabola through the samples around it; none where these tell the position
+/// no better than a single sample would.
+fn moving_start(position: &[f64], at: usize, sample_period: f64) -> Option<Start<f64>> {
     let low = at.saturating_sub(RESTART_REACH);
     let high = (at + RESTART_REACH + 1).min(position.len());
     let points: Vec<(f64, f64)> = (low..high)
@@ -476,6 +502,41 @@ fn moving_start(position: &[f64], at: usize, sample_period: f64) -> Start<f64> {
         matrix += basis * basis.transpose();
         side += basis * value;
     }
-    let solution = matrix.cholesky().map_or_else(nalgebra::Vector3::zeros, |factor| factor.solve(&side));
-    Start { time: at as f64 * sample_period, ram: solution[0], velocity: solution[1] / scale }
+    let inverse = matrix.cholesky()?.inverse();
+    let solution = inverse * side;
+    let is_told = inverse[(0, 0)] <= 1.0;
+    is_told.then_some(Start {
+        time: at as f64 * sample_period,
+        ram: solution[0],
+        velocity: solution[1] / scale,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stretch_whose_start_nothing_tells_is_not_compared() {
+        let rig = Rig { restart_s: Some(0.1), ..Rig::load("force-axis").unwrap() };
+        let prepared = |lost: std::ops::Range<usize>| {
+            let mut position: Vec<f64> = (0..500).map(|k| 0.1 * (f64::from(k) * 0.01).sin()).collect();
+            let command = position.clone();
+            position[lost].fill(f64::NAN);
+            let drive = vec![1.0; 500];
+            let channels =
+                vec![(Channel::Command, command), (Channel::UserPosition, position), (Channel::Drive, drive)];
+            prepare_with(&rig, &Record::new("made", 1e-3, 0.0, channels).unwrap(), [1e-6; MEASURED])
+        };
+        let compared = |prepared: &Prepared| {
+            let stretches = prepared.measured[USER].chunks(prepared.stretch);
+            stretches.map(|stretch| stretch.iter().any(|value| value.is_finite())).collect::<Vec<_>>()
+        };
+        let reach = RESTART_REACH;
+        let blind = prepared(200 - reach..200 + reach);
+        assert_eq!((blind.unstarted, compared(&blind)), (1, vec![true, true, false, true, true]));
+        let seen = prepared(200 - reach..200);
+        assert_eq!((seen.unstarted, compared(&seen)), (0, vec![true; 5]));
+        assert!((seen.starts[2].ram - 0.1 * 2.0_f64.sin()).abs() < 1e-6, "{:?}", seen.starts[2]);
+    }
 }

@@ -207,7 +207,7 @@ fn facts(record: &Record, usable: &Record, defects: &[Defects], noise: &[f64]) -
     let response = response(&likeness, record.sample_period_s());
     let motion = motion(position, record.sample_period_s(), noise[0]);
     let is_still = response.is_none() && motion.travel_m < STILL_SIGMA * noise[0];
-    let notes = notes(record, &channels, response, motion, is_still);
+    let notes = notes(record, &channels, response, is_still);
     Facts { channels, likeness, response, motion, notes }
 }
 
@@ -245,9 +245,14 @@ fn motion(position: &[f64], period: f64, noise: f64) -> Motion {
     Motion {
         travel_m: high - low,
         top_speed_m_s: top / (reach as f64 * period),
-        reversals: reversals(&values, (8.0 * noise).max(0.01 * (high - low))),
+        reversals: reversals(&values, turns_from([low, high], noise)),
         rest_share: resting as f64 / moves.len().max(1) as f64,
     }
+}
+
+/// By how much a position that moves between two values must go back for that to be a reversal.
+fn turns_from([low, high]: [f64; 2], noise: f64) -> f64 {
+    (8.0 * noise).max(0.01 * (high - low))
 }
 
 /// Turning points of a series, of more than `least` each.
@@ -275,7 +280,6 @@ fn notes(
     record: &Record,
     channels: &[ChannelFacts],
     response: Option<Response>,
-    motion: Motion,
     is_still: bool,
 ) -> Vec<String> {
     let mut notes = Vec::new();
@@ -308,9 +312,6 @@ fn notes(
             response.correlation
         )),
         Some(_) => {}
-    }
-    if motion.reversals == 0 {
-        notes.push("the ram never turns: backlash does not show without a reversal".to_owned());
     }
     notes
 }

@@ -5,15 +5,17 @@
 
 use super::likeness::{correlation, likeness, response, slope};
 use super::slack::left_behind;
+use super::{reversals, turns_from};
 use crate::fit;
 use crate::output::quantity;
 use crate::record::Record;
-use crate::record::units::units_of;
+use crate::record::units::{Unit, units_of};
 use crate::rig::{Range, Rig};
 use eha_monitor::channel::{Channel, ChannelRole};
 use eha_monitor::model::Drive;
 use eha_monitor::parameter::Parameter;
 use std::iter;
+use std::ops::RangeInclusive;
 
 /// Correlation from which on two series are the same motion, and below which they are not.
 const ALIKE: f64 = 0.9;
@@ -29,6 +31,12 @@ const INCH: f64 = 25.4;
 const MORE: f64 = 2.0;
 /// Samples by which a position must be ahead of its command: a clock that is one off is another matter.
 const AHEAD: f64 = 2.0;
+/// Share of the rig's delay by which a position must be later: that of a step is where two shapes are most alike, and noise
+/// moves it.
+const LATER: f64 = 0.1;
+
+/// A scale in the unit of a channel for each unit of the column, as an example.
+const EXAMPLE: f64 = 1.5e-5;
 
 /// How many times as long as anywhere else a sensor rests at its end where that is a limit: the dwells of a play get shorter
 /// as its motion gets faster.
@@ -50,11 +58,79 @@ const fn most(channel: Channel) -> f64 {
     }
 }
 
+/// How many times as far as its model a channel moves with the faults that it may have: what tells its unit.
+const fn likely(channel: Channel) -> RangeInclusive<f64> {
+    match channel {
+        Channel::UserPosition | Channel::RamPosition | Channel::Current => 1.0 - ABOUT..=1.0 + ABOUT,
+        _ => 0.5..=20.0,
+    }
+}
+
 /// What the user should look at before anything is fitted.
 pub(crate) fn remarks(rig: &Rig, record: &Record) -> Vec<String> {
-    [clipped, beyond_stop, ahead, ram_behind_user, beyond_faults, against_model]
-        .map(|look| look(rig, record))
-        .concat()
+    [
+        idle_drive,
+        late_start,
+        never_turns,
+        clipped,
+        beyond_stop,
+        ahead,
+        ram_behind_user,
+        beyond_faults,
+        against_model,
+    ]
+    .map(|look| look(rig, record))
+    .concat()
+}
+
+/// A force that is recorded as what drives the jack, where the rig has a valve for that.
+fn idle_drive(rig: &Rig, record: &Record) -> Vec<String> {
+    let column = Channel::Drive.info().column;
+    let is_idle = rig.form.drive == Drive::Valve && record.channel(Channel::Drive).is_some();
+    let remark = || {
+        format!(
+            "{column} is not used: a valve drives the jack of the rig `{}`; where that force does, take a rig with `drive = \
+             \"force\"`, such as `--rig force-axis`",
+            rig.name
+        )
+    };
+    is_idle.then(remark).into_iter().collect()
+}
+
+/// A record, or a stretch of it, that does not start at rest where it is told to, or nobody knows where.
+fn late_start(rig: &Rig, record: &Record) -> Vec<String> {
+    let prepared = fit::prepare_with(rig, record, fit::noise_of(rig, record));
+    let settling = prepared.settling_s();
+    let blind = (prepared.unstarted > 0).then(|| {
+        format!(
+            "not compared with the model, because too many samples of lvdt_m are lost where they start: {} of the \
+             stretches of an open loop",
+            prepared.unstarted
+        )
+    });
+    let remark = || {
+        format!(
+            "the record does not start at rest at its command: the first {settling:.3} s of {:.3} s are not compared with \
+             the model, while it forgets the start",
+            prepared.duration()
+        )
+    };
+    (settling > 0.0).then(remark).into_iter().chain(blind).collect()
+}
+
+/// A motion in one direction, where a backlash is asked for.
+fn never_turns(rig: &Rig, record: &Record) -> Vec<String> {
+    let position = record.channel(Channel::UserPosition).unwrap_or_default();
+    let present: Vec<f64> = position.iter().copied().filter(|value| value.is_finite()).collect();
+    let extent = fit::extent(&present);
+    let least = turns_from(extent, fit::noise_of(rig, record)[0]);
+    let is_one_way = extent[1] - extent[0] > least && reversals(&present, least) == 0;
+    let remark =
+        "the ram never turns: backlash does not show without a reversal, only as a zero of the sensor would";
+    (is_one_way && range_of(rig, Parameter::Backlash).is_some())
+        .then(|| remark.to_owned())
+        .into_iter()
+        .collect()
 }
 
 /// Sensors that end within the motion.
@@ -153,15 +229,14 @@ fn beyond_faults(rig: &Rig, record: &Record) -> Vec<String> {
         }
     };
     let answers = if rig.faults.len() <= MOST_COMBINED {
-        extremes(rig).iter().map(answered).collect()
+        combinations(rig).iter().map(answered).collect()
     } else {
         Answer::MEASURES.map(|measure| walked(rig, measure, &mut answered)).concat()
     };
     let mut found = Vec::new();
     let latest = answers.iter().map(|answer| answer.delay_s).fold(0.0, f64::max);
-    if let Some(late) =
-        delay(position).filter(|of| of.correlation > ALIKE && of.delay_s > latest + AHEAD * period)
-    {
+    let margin = (AHEAD * period).max(LATER * latest);
+    if let Some(late) = delay(position).filter(|of| of.correlation > ALIKE && of.delay_s > latest + margin) {
         found.push(format!(
             "lvdt_m follows {:.1} ms behind command_m, the rig {:.1} ms at most, whatever its faults: is something delayed, \
              or is it another rig?",
@@ -198,19 +273,23 @@ impl Answer {
         [|answer| answer.delay_s, |answer| answer.beside, |answer| -answer.beside];
 }
 
-/// A rig with one of its faults at its smallest and at its largest.
-fn ends(rig: &Rig, range: &Range) -> [Rig; 2] {
-    [range.lower, range.upper].map(|value| {
+/// A rig with one of its faults at some values.
+fn with_each<const N: usize>(rig: &Rig, range: &Range, values: [f64; N]) -> [Rig; N] {
+    values.map(|value| {
         let mut rig = rig.clone();
         rig.parameters.set(range.parameter, value);
         rig
     })
 }
 
-/// A rig with each of its faults at its smallest and at its largest, in every combination.
-fn extremes(rig: &Rig) -> Vec<Rig> {
-    let at_ends = |rigs: Vec<Rig>, range| rigs.iter().flat_map(|rig| ends(rig, range)).collect();
-    rig.faults.iter().fold(vec![rig.clone()], at_ends)
+/// A rig with each of its faults at its smallest, in the middle and at its largest, in every combination: a fault in the
+/// middle may make a motion later than one at either end.
+fn combinations(rig: &Rig) -> Vec<Rig> {
+    let with_each = |rigs: Vec<Rig>, range: &Range| {
+        let middle = 0.5 * (range.lower + range.upper);
+        rigs.iter().flat_map(|rig| with_each(rig, range, [range.lower, middle, range.upper])).collect()
+    };
+    rig.faults.iter().fold(vec![rig.clone()], with_each)
 }
 
 /// The answers on the way of a rig whose faults go, one after the other, to the end at which a measure is larger.
@@ -218,7 +297,7 @@ fn walked(rig: &Rig, measure: fn(&Answer) -> f64, mut answered: impl FnMut(&Rig)
     let mut here = rig.clone();
     let mut all = Vec::new();
     for range in &rig.faults {
-        let [low, high] = ends(&here, range);
+        let [low, high] = with_each(&here, range, [range.lower, range.upper]);
         let answers = [answered(&low), answered(&high)];
         let [of_low, of_high] = answers.each_ref().map(measure);
         here = if of_high > of_low { high } else { low };
@@ -343,30 +422,34 @@ impl Beside<'_> {
         if alike < UNLIKE || !ratio.is_finite() || (most.recip()..=most).contains(&ratio) {
             return None;
         }
-        let is_about = |other: f64| (ratio / other - 1.0).abs() < ABOUT;
-        let in_unit = units_of(self.channel.info()).find(|unit| is_about(factor.abs() / unit.factor));
-        let meant = match in_unit {
-            Some(unit) => unit.factor.copysign(factor),
-            None if is_about(INCH) => factor / INCH,
-            None => rounded(factor / ratio),
-        };
+        let is_meant = |unit: &&Unit| likely(self.channel).contains(&(ratio * unit.factor / factor.abs()));
+        let mut meant: Vec<f64> =
+            units_of(self.channel.info()).filter(is_meant).map(|unit| unit.factor.copysign(factor)).collect();
+        let in_inches = factor / INCH;
+        if meant.is_empty()
+            && self.channel.info().unit == "m"
+            && likely(self.channel).contains(&(ratio / INCH))
+        {
+            meant.push(in_inches);
+        }
         let times = if ratio > 1.0 {
             format!("{ratio:.1} times more")
         } else {
             format!("{:.1} times less", ratio.recip())
         };
-        Some(format!("{column} moves {times} than the rig foresees: is it in another unit? {}", anew(meant)))
+        let options: Vec<String> = meant.into_iter().map(anew).collect();
+        let advice = if options.is_empty() {
+            "say its scale, as in ".to_owned() + &anew(EXAMPLE)
+        } else {
+            options.join(" or ")
+        };
+        Some(format!("{column} moves {times} than the rig foresees: is it in another unit? {advice}"))
     }
-}
-
-/// A number to four digits.
-fn rounded(value: f64) -> f64 {
-    format!("{value:.3e}").parse().unwrap_or(value)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Answer, extremes, remarks, walked};
+    use super::{Answer, combinations, remarks, walked};
     use crate::record::Record;
     use crate::rig::{Range, Rig};
     use eha_monitor::channel::Channel;
@@ -400,8 +483,8 @@ mod tests {
             let all: Vec<f64> = rig.faults.iter().map(part).collect();
             Answer { delay_s: all.iter().sum(), beside: all[0] - all[1] + all[2] - all[3] }
         };
-        let combined: Vec<Answer> = extremes(&rig).iter().map(answered).collect();
-        assert_eq!(combined.len(), 16);
+        let combined: Vec<Answer> = combinations(&rig).iter().map(answered).collect();
+        assert_eq!(combined.len(), 81);
         for measure in Answer::MEASURES {
             let walk = walked(&rig, measure, answered);
             assert_eq!(walk.len(), 8);

@@ -1,13 +1,15 @@
 //! `identify`: the declared faults from records.
 
 use super::printouts::{self, Truth};
-use super::{DEFAULT_RIG, FitOptions, Fitted, SUSPECT, converged, fit_records, save_trace};
+use super::{DEFAULT_RIG, FitOptions, Fitted, converged, fit_records, save_trace};
 use crate::cli::Common;
 use crate::failure::Failure;
-use crate::fit::{self, Bounds, LoopScore};
+use crate::fit::{self, Bounds, Fit, LoopScore};
 use crate::output::{self, SCHEMA, counted, quantity};
 use crate::report::{self, Identified, REPORT_FILE};
 use crate::trace::Trace;
+use eha_monitor::channel::Channel;
+use eha_monitor::fit::identify::within_noise;
 use serde_json::{Value, json};
 
 /// Name of the result in the directory of `--out`.
@@ -100,13 +102,26 @@ fn notes(fitted: &Fitted) -> Vec<String> {
     if fit.interrupted {
         notes.push("interrupted: this is what was found so far, not the bottom of the search".to_owned());
     }
-    if fit.misfit.mean_square() > SUSPECT {
-        notes.push(format!(
-            "the residual is {:.1} times the noise: the model lacks something; `diagnose` looks for it",
-            fit.misfit.mean_square().sqrt()
-        ));
-    }
+    notes.extend(excess_in_words(fit));
     notes
+}
+
+/// That a fit leaves more than noise, and of which channel the most; none where chance may leave as much.
+fn excess_in_words(fit: &Fit) -> Option<String> {
+    if within_noise(&fit.misfit) {
+        return None;
+    }
+    let times = |channel: usize| fit.residual_rms[channel].map(|left| left / fit.noise[channel]);
+    let (channel, most) = (0..fit.noise.len())
+        .filter_map(|channel| Some((channel, times(channel).filter(|times| times.is_finite())?)))
+        .max_by(|(_, one), (_, other)| one.total_cmp(other))?;
+    Some(format!(
+        "the residual is {:.2} times the noise, that of {} {most:.2} times: more than chance leaves of {} values, so the \
+         model lacks something, and the intervals do not hold what it does to the values; `diagnose` looks for it",
+        fit.misfit.mean_square().sqrt(),
+        Channel::MEASURED[channel].info().column,
+        fit.misfit.count
+    ))
 }
 
 /// The result as JSON; `list` names the list of estimates.

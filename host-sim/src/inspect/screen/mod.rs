@@ -13,6 +13,8 @@ use crate::output::counted;
 use crate::record::{LONGEST_GAP_S, Record};
 use crate::rig::Rig;
 use eha_monitor::channel::{Channel, ChannelRole};
+use eha_monitor::model::Drive;
+use eha_monitor::parameter::{Parameter, Parameters};
 use held::{Held, held, on_coarse_steps};
 use spikes::{OF_THREE, spikes};
 use std::iter;
@@ -194,11 +196,48 @@ fn of_sensor(
     let spikes = spikes(&without(&values, stuck.iter().copied()), least, longest);
     let in_record =
         |samples: Vec<usize>| -> Vec<usize> { samples.into_iter().map(|sample| fresh[sample]).collect() };
-    let (mut stuck, spikes) = (in_record(stuck), in_record(spikes));
+    let (mut stuck, mut spikes) = (in_record(stuck), in_record(spikes));
+    if channel == Channel::Current {
+        let asked = asked_current(rig, record);
+        let current = record.channel(channel)?;
+        let limit = rig.parameters.current_limit;
+        let is_at_limit =
+            |&sample: &usize| current.get(sample).is_some_and(|value| value.abs() > limit - least);
+        let stays_at_limit = |sample: usize| {
+            is_at_limit(&sample) && [sample.wrapping_sub(1), sample + 1].iter().any(is_at_limit)
+        };
+        spikes.retain(|&sample| !answers(current, &asked, sample) && !stays_at_limit(sample));
+    }
     if held.is_none() {
         merge(&mut stuck, repeated.iter().copied());
     }
     Some(Defects { spikes, stuck, held, coarse, ..Defects::none(channel) })
+}
+
+/// The current that a controller in proportion asks for where command and position are; empty where its gain is not known.
+fn asked_current(rig: &Rig, record: &Record) -> Vec<f64> {
+    let Parameters { proportional_gain, current_limit, .. } = rig.parameters;
+    let is_known = rig.form.drive == Drive::Valve
+        && rig.free.iter().all(|range| range.parameter != Parameter::ProportionalGain);
+    let positions = [Channel::RamPosition, Channel::UserPosition].map(|of| record.channel(of));
+    let command = record.channel(Channel::Command);
+    let (Some(position), Some(command)) =
+        (positions.into_iter().flatten().next(), command.filter(|_| is_known))
+    else {
+        return Vec::new();
+    };
+    let asked = |(command, position): (&f64, &f64)| proportional_gain * (command - position);
+    iter::zip(command, position).map(asked).map(|asked| asked.clamp(-current_limit, current_limit)).collect()
+}
+
+/// Is what a sample departs from its neighbours, for the most part, what another series does there as well?
+fn answers(values: &[f64], other: &[f64], sample: usize) -> bool {
+    let off = |series: &[f64]| {
+        let (before, after) = (series.get(sample.checked_sub(1)?)?, series.get(sample + 1)?);
+        Some(series[sample] - 0.5 * (before + after))
+    };
+    let both = off(values).zip(off(other));
+    both.is_some_and(|(own, other)| (own - other).abs() < 0.5 * own.abs())
 }
 
 /// Rows that repeat the one before them in every channel, digit by digit, though the command moves or the noise of the
@@ -272,14 +311,18 @@ mod tests {
     use crate::plant::{self, Excitation, Sensing};
     use crate::rig::BUILT_IN;
     use eha_monitor::command::COMMANDS;
-    use eha_monitor::parameter::Parameter;
 
     /// A record of the default actuator with 0.5 mm of backlash and 2000 N of friction.
     fn flown(command: &str, noise: f64) -> (Rig, Record) {
+        flown_every(1e-3, command, noise)
+    }
+
+    /// The same with a sample every so many seconds.
+    fn flown_every(period: f64, command: &str, noise: f64) -> (Rig, Record) {
         let mut rig = (BUILT_IN[0].make)();
         rig.parameters.set(Parameter::Backlash, 5e-4);
         rig.parameters.set(Parameter::DryFriction, 2000.0);
-        let excitation = Excitation::of_command(command, 2000, 1e-3).unwrap();
+        let excitation = Excitation::of_command(command, (2.0 / period) as usize, period).unwrap();
         let outputs = plant::run(&rig, &excitation, 1e-5);
         let noise = [
             (Channel::UserPosition, noise),
@@ -312,6 +355,27 @@ mod tests {
                 assert_eq!(screen(&rig, &record).notes, [""; 0], "{} with {noise} m of noise", command.name);
             }
         }
+    }
+
+    #[test]
+    fn a_current_that_answers_a_command_in_a_few_samples_has_no_spike() {
+        let says = |rig: &Rig, record: &Record| {
+            let mut notes = screen(rig, record).notes;
+            notes.retain(|note| note.contains("current_mA"));
+            notes
+        };
+        for command in COMMANDS {
+            for noise in [1e-6, 5e-6] {
+                for period in [2e-3, 5e-3] {
+                    let (rig, record) = flown_every(period, command.name, noise);
+                    let notes = says(&rig, &record);
+                    assert_eq!(notes, [""; 0], "{} every {period} s, {noise} m of noise", command.name);
+                }
+            }
+        }
+        let (rig, record) = flown_every(2e-3, "mixed-step", 5e-6);
+        let spiky = changed(&record, Channel::Current, |values| values[150] += 2.0);
+        assert_eq!(says(&rig, &spiky).len(), 1);
     }
 
     #[test]
