@@ -52,6 +52,7 @@ fn some_options(random: &mut Xoshiro256PlusPlus) -> ReadOptions {
         sample_rate_hz: (below(random, 2) == 0).then_some(1e3),
         from_s: (below(random, 3) == 0).then_some(5e-3),
         to_s: None,
+        inputs_only: below(random, 2) == 0,
     }
 }
 

@@ -26,7 +26,7 @@ impl Header {
     ) -> Result<Self, (Problem, Option<(usize, String)>)> {
         let mut twice = None;
         let columns = options.columns.resolve(
-            options.sample_rate_hz.is_some(),
+            |info| options.wanted(info),
             &names,
             || names.clone(),
             |name| {

@@ -57,6 +57,17 @@ impl fmt::Display for MappingError {
 
 impl std::error::Error for MappingError {}
 
+/// Is a channel read?
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Wanted {
+    /// Without it there is no record.
+    Must,
+    /// Where it is there.
+    May,
+    /// It is left where it is.
+    No,
+}
+
 /// A channel that was found.
 pub(super) struct Found<T> {
     pub(super) channel: Channel,
@@ -84,15 +95,21 @@ impl Mapping {
     ///
     /// # Errors
     ///
-    /// An entry without `=` or without a name, a channel that does not exist or is given twice, a unit that is unknown
+    /// An entry without `=` or without a name, a channel that does not exist or is given twice, two channels of one name, a unit that is unknown
     /// or measures something else than the channel, a factor that is not a finite number other than 0.
     pub fn parse<'a>(entries: impl IntoIterator<Item = &'a str>) -> Result<Self, MappingError> {
         let mut mapping = Self::default();
         for text in entries {
             let entry = Entry::parse(text)
-                .and_then(|entry| match mapping.entry(entry.channel) {
-                    None => Ok(entry),
-                    Some(_) => Err(format!("`{}` is mapped twice", entry.channel.info().column)),
+                .and_then(|entry| {
+                    let column = |of: &Entry| of.channel.info().column;
+                    if mapping.entry(entry.channel).is_some() {
+                        return Err(format!("`{}` is mapped twice", column(&entry)));
+                    }
+                    match mapping.entries.iter().find(|known| known.full_name == entry.full_name) {
+                        None => Ok(entry),
+                        Some(known) => Err(format!("`{}` is {} already", entry.full_name, column(known))),
+                    }
                 })
                 .map_err(|reason| MappingError { entry: text.to_owned(), reason })?;
             mapping.entries.push(entry);
@@ -121,17 +138,16 @@ impl Mapping {
 
     /// Every channel that `find` knows by name, in the order of the channel table.
     ///
-    /// `present` are the names to list if a channel that must be there is not, `offered` those that can be read. Time need
-    /// not be there with a `rate`.
+    /// `present` are the names to list if a channel that must be there is not, `offered` those that can be read.
     pub(super) fn resolve<T>(
         &self,
-        rate: bool,
+        wanted: impl Fn(&ChannelInfo) -> Wanted,
         present: &[String],
         offered: impl Fn() -> Vec<String>,
         mut find: impl FnMut(&str) -> Option<T>,
     ) -> Result<Vec<Found<T>>, Problem> {
         let mut all = Vec::new();
-        for info in &CHANNELS {
+        for info in CHANNELS.iter().filter(|info| wanted(info) != Wanted::No) {
             let channel = info.channel;
             let entry = self.entry(channel);
             let (source, factor, unit) = match entry {
@@ -147,7 +163,7 @@ impl Mapping {
                 let expected = format!("{}={}", info.column, entry.full_name);
                 let hint = entry.similar(&offered());
                 return Err(Problem::Missing { expected, present: present.to_vec(), hint });
-            } else if info.required && !(rate && channel == Channel::Time) {
+            } else if wanted(info) == Wanted::Must {
                 let hint = Some(how_to_map(info, &offered()));
                 return Err(Problem::Missing {
                     expected: info.column.to_owned(),
@@ -324,6 +340,7 @@ fn stems(info: &ChannelInfo) -> impl Iterator<Item = &'static str> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::ReadOptions;
     use super::*;
 
     fn reason(entry: &str) -> String {
@@ -332,6 +349,14 @@ mod tests {
 
     fn factor(entry: &str) -> f64 {
         Mapping::parse([entry]).expect("must be read").entries[0].factor
+    }
+
+    #[test]
+    fn a_column_is_one_channel() {
+        let both = |one: &str, other: &str| Mapping::parse([one, other]).map_err(|error| error.to_string());
+        let refused = both("command_m=Soll[mm]", "lvdt_m=Soll[mm]").expect_err("must be refused");
+        assert!(refused.contains("`Soll[mm]` is command_m already"), "{refused}");
+        assert!(both("command_m=Soll[mm]", "lvdt_m=Ist[mm]").is_ok());
     }
 
     #[test]
@@ -364,7 +389,7 @@ mod tests {
             let mapping = Mapping::parse([entry]).expect("valid");
             let present: Vec<String> = present.iter().map(ToString::to_string).collect();
             match mapping.resolve(
-                false,
+                |info| ReadOptions::default().wanted(info),
                 &present,
                 || present.clone(),
                 |name| (name == "t_s" || name == "command_m").then_some(()),
@@ -389,7 +414,12 @@ mod tests {
         let mapping = Mapping::parse(["lvdt_m=Position [mm]", "command_m=ref[mm]"]).expect("valid");
         let names = ["t_s", "Position [mm]", "ref"];
         let found = mapping
-            .resolve(false, &[], Vec::new, |name| names.iter().position(|&other| other == name))
+            .resolve(
+                |info| ReadOptions::default().wanted(info),
+                &[],
+                Vec::new,
+                |name| names.iter().position(|&other| other == name),
+            )
             .map(|all| all.iter().map(|found| (found.source, found.factor)).collect::<Vec<_>>());
         assert_eq!(found.expect("all there"), [(0, 1.0), (2, 1e-3), (1, 1e-3)]);
     }

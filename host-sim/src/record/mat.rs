@@ -136,7 +136,7 @@ pub fn parse_mat(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Load
     let channels = options
         .columns
         .resolve(
-            options.sample_rate_hz.is_some(),
+            |info| options.wanted(info),
             &paths,
             || contents.readable(),
             |path| {

@@ -3,7 +3,7 @@
 //! A [`Record`] is checked once, when it is made: whoever holds one holds data that can be identified from.
 //! Columns, units and limits are those of [`eha_monitor::channel::CHANNELS`].
 
-use eha_monitor::channel::{CHANNELS, Channel, ChannelRole};
+use eha_monitor::channel::{CHANNELS, Channel, ChannelInfo, ChannelRole};
 use std::io::Read as _;
 
 mod csv;
@@ -22,6 +22,7 @@ pub mod units;
 pub use csv::{parse_csv, read_csv, read_csv_with};
 pub use csv_writer::{save_csv, write_csv};
 pub use error::{Field, Problem, RecordError};
+use mapping::Wanted;
 pub use mapping::{Mapping, MappingError};
 pub use mat::{parse_mat, read_mat, read_mat_with};
 pub use parquet::read_parquet_with;
@@ -65,6 +66,21 @@ pub struct ReadOptions {
     pub from_s: Option<f64>,
     /// Time, s, from which on nothing is kept.
     pub to_s: Option<f64>,
+    /// Is the record only flown, not compared? Then its measured channels are not read, and none is needed.
+    pub inputs_only: bool,
+}
+
+impl ReadOptions {
+    /// Is a channel read?
+    fn wanted(&self, info: &ChannelInfo) -> Wanted {
+        if self.inputs_only && info.role == ChannelRole::Measured {
+            Wanted::No
+        } else if info.required && !(info.channel == Channel::Time && self.sample_rate_hz.is_some()) {
+            Wanted::Must
+        } else {
+            Wanted::May
+        }
+    }
 }
 
 /// A record, and what the user should know about the file it came from.

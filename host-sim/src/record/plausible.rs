@@ -5,7 +5,7 @@
 //! 1. The largest magnitude is at most [`ChannelInfo::plausible`] of the channel table; of a time, that of what has passed
 //!    since the first sample. Above it, whole numbers beyond 50 times the limit are called sensor counts; otherwise the
 //!    first unit a thousand times smaller or more that brings them below the limit is named; where there is none,
-//!    sensor counts.
+//!    sensor counts. Where fewer than a tenth of the samples are above it, it is none of these.
 //! 2. A measured position moves at most 100 times as far as the command asks (peak to peak). This finds a small
 //!    motion in millimetres beside a command in metres. It needs a command that moves, and is left out
 //!    where a driving force replaces the valve.
@@ -22,10 +22,13 @@ use super::mapping::option;
 use super::table::Series;
 use super::time_base::median_step;
 use super::units::{Unit, units_of};
-use crate::output::plain;
+use crate::output::{counted, plain};
 
 /// Whole numbers this many times above the limit are called counts.
 const COUNTS_FROM: f64 = 50.0;
+
+/// Share of the samples below which those above the limit are no unit.
+const RARE: f64 = 0.1;
 
 /// Largest ratio of a position's travel to that of the command.
 const MOST_TRAVEL: f64 = 100.0;
@@ -63,6 +66,8 @@ pub enum Excess {
         largest: f64,
         /// The limit.
         limit: f64,
+        /// How many samples are above it, where they are so few that they are no unit, but marks of something.
+        rare: Option<u32>,
     },
     /// The position travels too far for the command.
     Travel {
@@ -79,13 +84,20 @@ impl fmt::Display for Suspicion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { looks_like, column, unit, source, .. } = self;
         match self.found {
-            Excess::Magnitude { largest, limit } => {
+            Excess::Magnitude { largest, limit, rare } => {
                 write!(
                     f,
                     "found a magnitude of {}, expected at most {} {unit}",
                     plain(largest),
                     plain(limit)
                 )?;
+                if let Some(count) = rare {
+                    let samples = counted(count as usize, "sample");
+                    return write!(
+                        f,
+                        ", in {samples} only: where it stands for one that is lost, leave the cell blank"
+                    );
+                }
             }
             Excess::Travel { position, command } => write!(
                 f,
@@ -152,7 +164,10 @@ pub(super) fn magnitude(info: &ChannelInfo, series: &Series) -> Option<(usize, S
     }
     let whole = series.values.iter().filter(|value| !value.is_nan()).all(|value| value.fract() == 0.0);
     let counts = whole && !is_time && largest > COUNTS_FROM * info.plausible;
-    let found = Excess::Magnitude { largest, limit: info.plausible };
+    let present = || series.values.iter().filter(|value| !value.is_nan());
+    let above = present().filter(|value| (*value - origin).abs() > info.plausible).count();
+    let is_rare = !is_time && (above as f64) < RARE * present().count() as f64;
+    let found = Excess::Magnitude { largest, limit: info.plausible, rare: is_rare.then_some(above as u32) };
     let looks_like = match () {
         () if is_time => unit_of_step(median_step(&series.values), series.factor),
         () if counts => None,
@@ -268,6 +283,19 @@ mod tests {
         assert_eq!(looks_like(&[0.0, 3.0]), Some("mm"), "whole millimetres");
         assert_eq!(looks_like(&[2040.0, 2051.0]), Some("counts"));
         assert_eq!(looks_like(&[9012.5, 100.0]), Some("um"));
+    }
+
+    #[test]
+    fn a_mark_of_a_lost_sample_is_no_unit() {
+        let said = |marks: usize| {
+            let mut values = vec![1e-3; 100];
+            values[..marks].fill(-9999.0);
+            let info = Channel::UserPosition.info();
+            let (_, suspicion) = magnitude(info, &series(info.channel, &values)).expect("too large");
+            Suspicion { source: Some("pos".to_owned()), ..suspicion }.to_string()
+        };
+        assert!(said(3).contains("in 3 samples only: where it stands for one that is lost"), "{}", said(3));
+        assert!(!said(3).contains("it looks like") && said(20).contains("it looks like"), "{}", said(20));
     }
 
     #[test]

@@ -7,7 +7,7 @@ use crate::cli::Common;
 use crate::failure::Failure;
 use crate::output;
 use crate::plant::{self, Excitation, Sensing};
-use crate::record::{Record, read_csv};
+use crate::record::{self, ReadOptions, Record};
 use crate::rig::{Rig, channel_named, effect_named, unknown};
 use crate::table_file::table_path_or_stdout;
 use clap::ValueEnum;
@@ -381,7 +381,8 @@ fn asked(options: &Options, rig: &Rig) -> Result<Asked, Failure> {
                     options.command
                 )));
             }
-            let record = read_csv(&path)?.record;
+            let record =
+                record::read(&path, &ReadOptions { inputs_only: true, ..ReadOptions::default() })?.record;
             let values = |channel| record.channel(channel).map(<[f64]>::to_vec).unwrap_or_default();
             let excitation = Excitation {
                 sample_period: record.sample_period_s(),

@@ -22,10 +22,10 @@ fn row(row: usize) -> String {
     format!("{:.3},{},{}", row as f64 * 1e-3, position(row), position(row))
 }
 
-/// Records that are refused, with the place that the message names; `tests/records.rs` has the messages in full.
-fn refused() -> Vec<(String, &'static str)> {
+/// Records that are refused, with the place that the message names; `tests/records.rs` has the messages in full. The first
+/// are those in which the position alone is wrong, of the number that is returned.
+fn refused() -> (Vec<(String, &'static str)>, usize) {
     let rows = [
-        "0.007,0.001,abc",
         "0.007,inf,0.001",
         "NaN,0.001,0.001",
         "0.006,0.001,0.001",
@@ -42,13 +42,17 @@ fn refused() -> Vec<(String, &'static str)> {
         })
     };
     let good = record(100, row);
-    let mut refused: Vec<_> = rows.into_iter().map(|text| (with_row(text), "bad.csv:9:")).collect();
-    refused.extend([
+    let mut refused = vec![
+        (with_row("0.007,0.001,abc"), "bad.csv:9:"),
         (good.replace("lvdt_m", "position"), "bad.csv:1:"),
-        (good.replace(&format!("{HEADER}\n"), ""), "bad.csv:1:"),
-        (scaled(1e3, 1e3, 6), "millimetres"),
         (scaled(1.0, 1e7, 0), "counts"),
         (scaled(1.0, 0.0, 6), "same value"),
+    ];
+    let in_position = refused.len();
+    refused.extend(rows.into_iter().map(|text| (with_row(text), "bad.csv:9:")));
+    refused.extend([
+        (good.replace(&format!("{HEADER}\n"), ""), "bad.csv:1:"),
+        (scaled(1e3, 1e3, 6), "millimetres"),
         (
             record(100, |k| format!("{k},{0},{0}", position(k))),
             "bad.csv: column `t_s` (1): found a sampling period of 1 s",
@@ -56,25 +60,39 @@ fn refused() -> Vec<(String, &'static str)> {
         (record(49, row), "bad.csv: found 49 samples"),
         (String::new(), "bad.csv: "),
     ]);
-    refused
+    (refused, in_position)
 }
 
 #[test]
 fn every_kind_is_refused_with_its_place_and_leaves_no_file() {
     let bench = Bench::new();
-    for (text, place) in refused() {
-        bench.write("bad.csv", &text);
-        for arguments in [
-            &["identify", "bad.csv", "--out", "results"][..],
-            &["calibrate", "bad.csv", "--out", "results"],
-            &["import", "bad.csv", "-o", "record.csv"],
-            &["simulate", "--command", "bad.csv", "-o", "record.csv"],
-        ] {
+    let verbs = [
+        &["identify", "bad.csv", "--out", "results"][..],
+        &["calibrate", "bad.csv", "--out", "results"],
+        &["import", "bad.csv", "-o", "record.csv"],
+        // It flies the command: what was measured is not read.
+        &["simulate", "--command", "bad.csv", "-o", "record.csv"],
+    ];
+    let (refused, in_position) = refused();
+    for (index, (text, place)) in refused.iter().enumerate() {
+        bench.write("bad.csv", text);
+        for arguments in &verbs[..verbs.len() - usize::from(index < in_position)] {
             let run = bench.run(arguments).refused(BAD_DATA, &["bad.csv", place]);
             assert_eq!(run.stderr.matches("error:").count(), 1, "{place}, {arguments:?}: one message");
             assert_eq!(bench.files(), ["bad.csv"], "{place}, {arguments:?} left something behind");
         }
     }
+}
+
+#[test]
+fn a_command_is_flown_without_a_position() {
+    let bench = Bench::new();
+    let command = |row: usize| format!("{:.3},{}", row as f64 * 1e-3, position(row));
+    let text = record(100, command).replace(HEADER, "t_s,command_m");
+    bench.write("command.csv", &text);
+    bench.run(&["simulate", "--command", "command.csv", "--model", "lf", "-o", "record.csv"]).done();
+    assert!(bench.read("record.csv").contains("t_s,command_m,lvdt_m"));
+    bench.run(&["identify", "command.csv"]).refused(BAD_DATA, &["`lvdt_m` is missing"]);
 }
 
 #[test]
