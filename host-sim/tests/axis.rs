@@ -126,11 +126,11 @@ fn a_term_that_foretells_a_record_worse_than_none_is_refused() {
     let prepared = records.map(|record| fit::prepare(&rig, &record));
     let case = Case::new(&rig, &prepared, 1);
     let found = diagnose(&case, &FitSettings::default(), &|_| {});
-    let [before, after] = found.holdout.unwrap().map(|score| score.position_rms);
+    let [before, after] = found.holdout.unwrap().map(|score| score.position_rms());
     assert!(after < before, "{before} to {after}");
     assert_eq!(found.verdict, Verdict::Unexplained);
     let alone = diagnose(&Case::new(&rig, &prepared[..1], 1), &FitSettings::default(), &|_| {});
-    let unchecked = diagnose::score(&alone.rig, &prepared[1..]).position_rms;
+    let unchecked = diagnose::score(&alone.rig, &prepared[1..]).position_rms();
     println!("none {before}, unchecked {unchecked}, checked {after}");
     assert!(unchecked > 1.5 * after, "{unchecked} and {after}");
 }
@@ -246,7 +246,7 @@ fn the_force_of_a_controller_tells_a_spring_from_a_gain_of_the_sensor() {
     let records = [fit::prepare_with(&spring, &record, NOISE)];
     let left_by = |rig: &Rig| {
         let force = fit::force_error(&records, &fit::predict(rig, &records)).unwrap();
-        (diagnose::score(rig, &records).position_rms, force)
+        (diagnose::score(rig, &records).position_rms(), force)
     };
     let gain = fitted(&axis(&[]), &[range(P::SensorGain, -0.1, 0.1)], &record);
     let [none, by_gain, by_spring] = [&axis(&[]), &gain, &spring].map(left_by);

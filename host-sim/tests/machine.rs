@@ -66,7 +66,7 @@ fn errors(rig: &Rig, ranges: &[Range], values: &[(P, f64)], records: &[Record]) 
     let prepared: Vec<Prepared> = records.iter().map(|record| fit::prepare(&rig, record)).collect();
     let start: Vec<f64> = ranges.iter().map(|range| rig.parameters.get(range.parameter)).collect();
     let fitted = fit::polish(&rig, ranges, &start, &prepared[..1]).unwrap().applied(&rig, ranges);
-    let errors = [0, 1, 2].map(|index| score(&fitted, &prepared[index..=index]).position_rms);
+    let errors = [0, 1, 2].map(|index| score(&fitted, &prepared[index..=index]).position_rms());
     println!("{:?} {errors:?}", ranges.iter().map(|range| range.parameter).collect::<Vec<_>>());
     errors
 }

@@ -3,8 +3,11 @@
 use super::description::Description;
 use super::residual::{self, MEASURED};
 use super::side::Side;
+use crate::fit::measured::USER;
 use crate::fit::{self, Correlation, Estimate, Fit, Prepared};
+use crate::output::effects_in_words;
 use crate::rig::Rig;
+use eha_monitor::channel::{Channel, ChannelInfo};
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::model::state::Outputs;
 
@@ -49,8 +52,15 @@ pub struct Found {
 /// Misfit of a model on records.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Score {
+    /// Root mean square of the residual of each measured channel, in its unit; not a number where no record has it.
+    pub rms: [f64; MEASURED],
+}
+
+impl Score {
     /// Root mean square of the user position's residual, m.
-    pub position_rms: f64,
+    pub const fn position_rms(&self) -> f64 {
+        self.rms[USER]
+    }
 }
 
 /// A fault, and what it is mixed up with.
@@ -126,11 +136,34 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
-    /// The verdict for a person.
+    /// The verdict for a person. What explains the records does so whatever was not tried for want of effort.
     pub fn verdict_in_words(&self) -> String {
-        let early = self.early.filter(|_| self.verdict == Verdict::Unexplained);
+        let is_open = |early: &Early| *early == Early::Interrupted || self.verdict == Verdict::Unexplained;
+        let early = self.early.filter(is_open);
         let so_far = early.map_or_else(String::new, |early| format!(" so far ({})", early.in_words()));
         format!("{}{so_far}", self.verdict.name())
+    }
+
+    /// Names for a person of effects that were looked for; what stands for none is not known where the search ended early.
+    pub fn names_or(&self, effects: &[&'static EffectInfo], none: &str) -> String {
+        match effects {
+            [] if self.early.is_some() => "not tried".to_owned(),
+            [] => none.to_owned(),
+            _ => effects_in_words(effects),
+        }
+    }
+
+    /// The measured channels that were compared, with their noise: root mean square over the fitted records.
+    pub fn channels(&self) -> impl Iterator<Item = (usize, &'static ChannelInfo, f64)> {
+        let of_all = Channel::MEASURED.into_iter().zip(self.noise).enumerate();
+        let is_compared = |(index, (_, noise)): &(usize, (Channel, f64))| {
+            noise.is_finite() && self.train[0].rms[*index].is_finite()
+        };
+        of_all
+            .filter(is_compared)
+            .map(|(index, (channel, noise))| (index, channel.info(), noise))
+            .collect::<Vec<_>>()
+            .into_iter()
     }
 
     /// What the search took, s of one core: see [`fit::spent_s`].
@@ -161,10 +194,16 @@ impl Diagnosis {
 
 /// Misfit of a model on records.
 pub fn score(rig: &Rig, records: &[Prepared]) -> Score {
-    Score { position_rms: position_rms(records, &fit::predict(rig, records)) }
+    let predictions = fit::predict(rig, records);
+    Score { rms: std::array::from_fn(|channel| rms_of(records, &predictions, channel)) }
 }
 
 /// Root mean square of what predictions leave of the user position, m.
 pub(super) fn position_rms(records: &[Prepared], predictions: &[Vec<Outputs<f64>>]) -> f64 {
-    fit::rms(residual::series(records, predictions, 0).into_iter().flatten())
+    rms_of(records, predictions, USER)
+}
+
+/// Root mean square of what predictions leave of a channel, in its unit.
+fn rms_of(records: &[Prepared], predictions: &[Vec<Outputs<f64>>], channel: usize) -> f64 {
+    fit::rms(residual::series(records, predictions, channel).into_iter().flatten())
 }

@@ -64,7 +64,7 @@ impl Answer {
 
     /// Are there terms with which it is closer than another one to the fitted records, and to the held-out ones?
     fn helps_more_than(&self, other: &Self) -> bool {
-        let after = |[_, after]: [Score; 2]| after.position_rms;
+        let after = |[_, after]: [Score; 2]| after.position_rms();
         let [own, other] = [&self.diagnosis, &other.diagnosis];
         let held_out = own.holdout.zip(other.holdout);
         !own.found.is_empty()

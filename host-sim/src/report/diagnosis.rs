@@ -11,7 +11,6 @@ use super::search::search;
 use crate::diagnose::description::Description;
 use crate::diagnose::{Diagnosis, Score, Side, Verdict};
 use crate::fit::{self, Estimate, FitSettings, LoopScore, Prepared};
-use crate::output::effects_in_words;
 use crate::record::Record;
 use crate::rig::{Range, Rig};
 use eha_monitor::model::state::Outputs;
@@ -147,7 +146,7 @@ fn summary(diagnosis: &Diagnosis) -> String {
 
 fn tiles(diagnosis: &Diagnosis) -> Vec<Tile> {
     let error = |name: &str, scores: [Score; 2]| {
-        let [before, after] = scores.map(|score| shown(score.position_rms, "m"));
+        let [before, after] = scores.map(|score| shown(score.position_rms(), "m"));
         Tile::new(name, after, format!("{before} before; noise {}", shown(diagnosis.noise[0], "m")))
     };
     let mut tiles: Vec<Tile> = diagnosis
@@ -181,10 +180,10 @@ fn found(case: &Diagnosed<'_>) -> Markup {
             } else {
                 format!("{} (empirical)", found.effect.name)
             };
-            let others = match (found.named, found.class.len()) {
-                (false, _) => "not a name".to_owned(),
-                (true, 1) => "nothing else".to_owned(),
-                (true, _) => effects_in_words(&found.class[1..]),
+            let others = if found.named {
+                diagnosis.names_or(&found.class[1..], "nothing else")
+            } else {
+                "not a name".to_owned()
             };
             // What is said of the effect stands once.
             let of_effect = iter::once([name, found.effect.port.name().to_owned(), others])
@@ -209,10 +208,15 @@ fn found(case: &Diagnosed<'_>) -> Markup {
         .filter_map(|warning| warning.as_str().map(str::to_owned))
         .collect();
     let next = result["next_experiment"].as_str().filter(|next| !next.is_empty());
+    let nothing_open = match diagnosis.early {
+        Some(_) => "The search ended early: let it come to its end first.",
+        None => "Nothing is open.",
+    };
     html! {
         (errors(diagnosis))
+        (channels(diagnosis))
         (closed_loop(case.loops))
-        (remarks("What to measure next", &[next.unwrap_or("Nothing is open.").to_owned()]))
+        (remarks("What to measure next", &[next.unwrap_or(nothing_open).to_owned()]))
         @if !rows.is_empty() {
             (table("Effects that were added", &equations.join("; "),
                 &["effect", "acts on", "parameter", "value", "95 % interval", "could as well be"], &rows, true))
@@ -244,11 +248,8 @@ fn left_words(left: &Description, acts: Option<Side>) -> Vec<String> {
     words
 }
 
-/// A number before and after, of each part that has it.
-fn of_parts<S: Copy>(
-    scores: &OfParts<S>,
-    number: impl Fn(S) -> Option<f64>,
-) -> Vec<(&'static str, [f64; 2])> {
+/// What there is before and after, of each part that has it.
+fn of_parts<S: Copy, N>(scores: &OfParts<S>, number: impl Fn(S) -> Option<N>) -> Vec<(&'static str, [N; 2])> {
     let numbers = |scores: &Option<[S; 2]>| {
         let [before, after] = (*scores)?;
         Some([number(before)?, number(after)?])
@@ -257,9 +258,33 @@ fn of_parts<S: Copy>(
 }
 
 fn errors(diagnosis: &Diagnosis) -> Markup {
-    let groups = of_parts(&[Some(diagnosis.train), diagnosis.holdout], |score| Some(score.position_rms));
+    let groups = of_parts(&[Some(diagnosis.train), diagnosis.holdout], |score| Some(score.position_rms()));
     let noise = Some(diagnosis.noise[0]);
     bars("Error of the user position, before and after", ("residual, rms", "m"), &groups, noise, true)
+}
+
+/// What is left of each channel, where there is more than the user position.
+fn channels(diagnosis: &Diagnosis) -> Markup {
+    let of_parts = of_parts(&[Some(diagnosis.train), diagnosis.holdout], Some);
+    let header: Vec<String> = ["channel", "noise"]
+        .map(str::to_owned)
+        .into_iter()
+        .chain(of_parts.iter().flat_map(|(part, _)| {
+            ["before", "after"].map(|when| format!("{}, {when}", part.trim_end_matches(" records")))
+        }))
+        .collect();
+    let rows: Vec<Vec<String>> = diagnosis
+        .channels()
+        .map(|(channel, info, noise)| {
+            let left = of_parts.iter().flat_map(|(_, scores)| scores.map(|score| score.rms[channel]));
+            let numbers = iter::once(noise).chain(left).map(|value| shown(value, info.unit));
+            iter::once(info.column.to_owned()).chain(numbers).collect()
+        })
+        .collect();
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    html! {
+        @if rows.len() > 1 { (table("Residual of each channel, rms", "", &header, &rows, true)) }
+    }
 }
 
 /// Errors of an axis whose controller is known.
@@ -319,13 +344,14 @@ fn estimates(diagnosis: &Diagnosis) -> Markup {
         .map(|(index, (after, before))| {
             let info = after.parameter.info();
             let q = |value| shown(value, info.unit);
-            let mixed_up = diagnosis.faults.get(index).map(|fault| effects_in_words(&fault.confounded_with));
+            let mixed_up = diagnosis.faults.get(index);
             vec![
                 info.name.to_owned(),
                 q(before.value),
                 q(after.value),
                 format!("{} to {}", q(after.ci95[0]), q(after.ci95[1])),
-                mixed_up.filter(|names| !names.is_empty()).unwrap_or_else(|| "-".to_owned()),
+                mixed_up
+                    .map_or_else(|| "-".to_owned(), |fault| diagnosis.names_or(&fault.confounded_with, "-")),
             ]
         })
         .collect();

@@ -4,7 +4,7 @@ use super::files::{Files, common_samples};
 use super::{DEFAULT_RIG, InputOptions};
 use crate::cli::Common;
 use crate::diagnose::{
-    Case, Diagnosis, EFFORT_BOUNDS_S, EFFORT_PER_SECOND, Early, Score, Side, Verdict, diagnose,
+    Case, Diagnosis, EFFORT_BOUNDS_S, EFFORT_PER_SECOND, Early, Found, Score, Side, Verdict, diagnose,
 };
 use crate::failure::Failure;
 use crate::fit::{self, Bounds, Estimate, FitSettings, LoopScore, Prepared};
@@ -16,6 +16,7 @@ use crate::rig::{self, Rig};
 use crate::table_file::table_path;
 use crate::trace::Trace;
 use eha_monitor::channel::Channel;
+use eha_monitor::effect::EffectInfo;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::slice;
@@ -221,7 +222,23 @@ impl Job<'_> {
     }
 
     fn json(&self, diagnosis: &Diagnosis, loops: &OfParts<LoopScore>, effort_s: f64, seconds: f64) -> Value {
-        let pair = |scores: &[Score; 2]| json!({ "before_rms_m": output::number(scores[0].position_rms), "after_rms_m": output::number(scores[1].position_rms) });
+        let pair = |scores: &[Score; 2]| json!({ "before_rms_m": output::number(scores[0].position_rms()), "after_rms_m": output::number(scores[1].position_rms()) });
+        let channels: Vec<Value> = diagnosis
+            .channels()
+            .map(|(channel, info, noise)| {
+                let pair = |scores: &[Score; 2]| {
+                    let [before, after] = scores.map(|score| output::number(score.rms[channel]));
+                    json!({ "before_rms": before, "after_rms": after })
+                };
+                json!({
+                    "name": info.column,
+                    "unit": info.unit,
+                    "noise_rms": output::number(noise),
+                    "train": pair(&diagnosis.train),
+                    "holdout": diagnosis.holdout.as_ref().map(pair),
+                })
+            })
+            .collect();
         let estimates =
             |estimates: &[Estimate]| estimates.iter().map(output::estimate_json).collect::<Vec<_>>();
         let (faults_before, free_before) = diagnosis.before.estimates.split_at(diagnosis.faults.len());
@@ -274,6 +291,7 @@ impl Job<'_> {
                 "noise_rms_m": output::number(diagnosis.noise[0]),
                 "train": pair(&diagnosis.train),
                 "holdout": diagnosis.holdout.as_ref().map(pair),
+                "channels": channels,
             },
             "closed_loop": self.rig.controller.map(|_| {
                 let rows = ["train", "holdout"].into_iter().zip(loops).filter_map(|(name, scores)| {
@@ -421,19 +439,28 @@ impl Job<'_> {
 
 /// What to measure so that what is open now is settled.
 fn next_experiment(job: &Job<'_>, diagnosis: &Diagnosis) -> String {
+    // What is one and the same to every channel, no measurement tells apart.
+    let twin_of = |found: &Found| {
+        let twin = found.effect.twin(&diagnosis.rig.parameters, &job.rig.parameters)?;
+        Some(twin.0).filter(|twin| found.class.contains(twin))
+    };
+    let apart = |found: &Found| -> Vec<&'static EffectInfo> {
+        let twin = twin_of(found);
+        found.class[1..].iter().copied().filter(|other| Some(*other) != twin).collect()
+    };
     let effects = diagnosis
         .found
         .iter()
-        .filter(|found| found.class.len() > 1)
-        .map(|found| (found.effect.name, &found.class[1..]));
+        .map(|found| (found.effect.name, apart(found)))
+        .filter(|(_, others)| !others.is_empty());
     let faults = diagnosis
         .faults
         .iter()
         .filter(|fault| !fault.confounded_with.is_empty())
-        .map(|fault| (fault.estimate.parameter.info().name, fault.confounded_with.as_slice()));
+        .map(|fault| (fault.estimate.parameter.info().name, fault.confounded_with.clone()));
     let open: Vec<String> = effects
         .chain(faults)
-        .map(|(name, others)| format!("{name} from {}", effects_in_words(others)))
+        .map(|(name, others)| format!("{name} from {}", effects_in_words(&others)))
         .collect();
     let absent: Vec<&str> = job
         .rig
@@ -461,6 +488,13 @@ fn next_experiment(job: &Job<'_>, diagnosis: &Diagnosis) -> String {
                 "measure {absent} as well: they tell whether it acts as a force, in the drive or on the sensor; {repeat}"
             )
         }
+    } else if let Some((found, twin)) =
+        diagnosis.found.iter().find_map(|found| Some((found, twin_of(found)?)))
+    {
+        format!(
+            "nothing that is measured here tells {} from {}: every channel shows them alike",
+            found.effect.name, twin.name
+        )
     } else {
         String::new()
     }

@@ -1,7 +1,7 @@
 //! A diagnosis as text.
 
 use super::diagnose::{Answer, Job};
-use crate::diagnose::{Diagnosis, residual, score};
+use crate::diagnose::{Diagnosis, Score, residual, score};
 use crate::fit::{self, Estimate, LoopScore};
 use crate::output::{self, effects_in_words};
 use crate::record::Record;
@@ -9,6 +9,7 @@ use crate::report::{FITTED, HELD_OUT, OfParts, PARTS, name_of};
 use comfy_table::Table;
 use serde_json::Value;
 use std::fmt::Write as _;
+use std::iter;
 use std::slice;
 
 /// Marks of a residual over time, one for each of as many steps up to the largest.
@@ -24,7 +25,7 @@ impl Job<'_> {
         let (range, part) =
             if self.holdout.is_empty() { (0..fitted, FITTED) } else { (fitted..self.names.len(), HELD_OUT) };
         let before = diagnosis.before.applied(&self.rig);
-        let error = |index: usize| score(&before, &diagnosis.records[index..=index]).position_rms;
+        let error = |index: usize| score(&before, &diagnosis.records[index..=index]).position_rms();
         let Some(shown) = range.max_by(|&a, &b| error(a).total_cmp(&error(b))) else { return };
         let record = &diagnosis.records[shown];
         let left = [&before, &diagnosis.foretelling].map(|rig| {
@@ -101,18 +102,19 @@ impl Job<'_> {
         }
         let _ = writeln!(text, "\nerror of the user position (noise {}):", metres(diagnosis.noise[0]));
         let scores = [Some(diagnosis.train), diagnosis.holdout];
-        let largest = scores.iter().flatten().flatten().map(|score| score.position_rms).fold(0.0, f64::max);
+        let largest = scores.iter().flatten().flatten().map(Score::position_rms).fold(0.0, f64::max);
         for (part, scores) in PARTS.into_iter().zip(scores) {
             for (when, score) in ["before", "after"].into_iter().zip(scores.iter().flatten()) {
-                let length = (score.position_rms / largest * 40.0).round().max(1.0) as usize;
+                let length = (score.position_rms() / largest * 40.0).round().max(1.0) as usize;
                 let _ = writeln!(
                     text,
                     "  {part:<17} {when:<7}{:>12}  {}",
-                    metres(score.position_rms),
+                    metres(score.position_rms()),
                     "#".repeat(length)
                 );
             }
         }
+        channels_text(diagnosis, &mut text);
         self.residual_text(diagnosis, &mut text);
         self.closed_loop_text(loops, &mut text);
         for table in tables(diagnosis) {
@@ -153,6 +155,26 @@ impl Job<'_> {
     }
 }
 
+/// What is left of each channel, where there is more than the user position.
+fn channels_text(diagnosis: &Diagnosis, text: &mut String) {
+    if diagnosis.channels().count() < 2 {
+        return;
+    }
+    let of_parts = [Some(diagnosis.train), diagnosis.holdout];
+    let columns = PARTS.into_iter().zip(of_parts).filter(|(_, scores)| scores.is_some());
+    let columns = columns.flat_map(|(part, _)| {
+        ["before", "after"].map(|when| format!("{}, {when}", part.trim_end_matches(" records")))
+    });
+    let header: Vec<String> = ["channel", "noise"].map(str::to_owned).into_iter().chain(columns).collect();
+    let mut table = output::table(header);
+    for (channel, info, noise) in diagnosis.channels() {
+        let left = of_parts.into_iter().flatten().flatten().map(|score| score.rms[channel]);
+        let numbers = iter::once(noise).chain(left).map(|value| output::quantity(value, info.unit));
+        table.add_row(iter::once(info.column.to_owned()).chain(numbers));
+    }
+    let _ = writeln!(text, "\nresidual of each channel, rms:\n{table}");
+}
+
 /// The mark of a residual of which the largest is known; blank where there is none.
 fn shade(left: Option<f64>, largest: f64) -> char {
     left.map_or(' ', |left| {
@@ -173,8 +195,7 @@ fn tables(diagnosis: &Diagnosis) -> impl Iterator<Item = Table> {
     let after = diagnosis.after_in_words();
     let mut faults = output::table(["fault", "before", after, "95 % interval", "mixed up with"]);
     for (fault, before) in diagnosis.faults.iter().zip(faults_before) {
-        let names = effects_in_words(&fault.confounded_with);
-        let names = if names.is_empty() { "-".to_owned() } else { names };
+        let names = diagnosis.names_or(&fault.confounded_with, "-");
         faults.add_row([row(before, &fault.estimate), vec![names]].concat());
     }
     let mut free = output::table(["free parameter", "before", after, "95 % interval"]);

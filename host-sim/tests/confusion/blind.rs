@@ -283,7 +283,7 @@ impl Oracle {
             let fit = fit::polish(&rig, &ranges, &start, records).unwrap();
             (fit.applied(&rig, &ranges), fit.misfit)
         };
-        let held_out = diagnose::score(&fitted(&all, train).0, held).position_rms;
+        let held_out = diagnose::score(&fitted(&all, train).0, held).position_rms();
         let with = fitted(&all, &diagnosed.records).1;
         let is_shown = |index: usize| {
             let mut others = all.clone();
@@ -361,7 +361,7 @@ impl Blind {
             found: found(&diagnosed.diagnosis),
             ratio: holdout
                 .filter(|_| kind != Kind::Outside)
-                .map(|[_, after]| after.position_rms / oracle.held_out),
+                .map(|[_, after]| after.position_rms() / oracle.held_out),
             shown: oracle.shown,
             faults: faults.collect(),
             effort_s: diagnosed.diagnosis.effort_s(),

@@ -335,7 +335,7 @@ impl Case {
         } else if named.is_empty() {
             Outcome::Unexplained
         } else if self.outside.is_some() {
-            let held_out = diagnosis.holdout.map_or(f64::INFINITY, |[_, after]| after.position_rms);
+            let held_out = diagnosis.holdout.map_or(f64::INFINITY, |[_, after]| after.position_rms());
             if held_out < MODELLED * diagnosis.noise[0] { Outcome::Modelled } else { Outcome::Wrong }
         } else {
             let mut missed =
