@@ -79,9 +79,11 @@ pub(crate) enum Verb {
     Rigs(verb::lists::RigsOptions),
     /// Convert a MAT (v5, v7.3), Parquet or foreign CSV file to a record.
     Import(verb::import::Options),
-    /// Hardware in the loop: samples to the firmware's monitor over a serial line, its estimates as they come.
+    /// Hardware in the loop: samples to the firmware's monitor over a serial line, its estimates as they come. Builds the
+    /// firmware from the sources that this program was built from.
     Hil(verb::hil::Options),
-    /// What the firmware costs on the emulated boards, against its limits.
+    /// What the firmware costs on the emulated boards, against its limits. Builds it from the sources that this program was
+    /// built from.
     Budget(verb::budget::Options),
     /// Completions for a shell: `host-sim completions bash > /etc/bash_completion.d/host-sim`.
     Completions(verb::shell::CompletionsOptions),

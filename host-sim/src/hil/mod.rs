@@ -19,6 +19,7 @@ use eha_monitor::monitor::config::{Config, Fault};
 use eha_monitor::parameter::Parameter;
 use eha_monitor::trial::SensorNoise;
 use line::Line;
+use std::cell::Cell;
 use std::io::{Read, Write};
 use std::sync::mpsc;
 use std::thread;
@@ -29,6 +30,8 @@ use stream::{Growth, Simulated};
 const SLOTS: usize = 8;
 /// Steps of the model that the monitor may take for each sample: an eighth of the processor at 480 MHz.
 pub const STEPS_PER_SAMPLE: u16 = 100;
+/// Said where the monitor at the other end does not take the rig.
+const REFUSED: &str = "the monitor at the other end refuses this rig: one that is not piecewise affine needs the image for every rig (`any-rig`)";
 
 /// The images of the firmware's monitor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -264,6 +267,7 @@ impl Session {
         });
         let (mut answer, mut decoder, mut reports, mut status) =
             (Vec::new(), Decoder::new(), Vec::new(), None);
+        let is_refused = Cell::new(false);
         let mut hear = |bytes: Vec<u8>| {
             for &byte in &bytes {
                 match decoder.take::<FromMonitor>(byte) {
@@ -272,7 +276,8 @@ impl Session {
                         reports.push(report);
                     }
                     Some(message @ FromMonitor::Status { .. }) => status = Some(message),
-                    Some(FromMonitor::Ready(_)) | None => {}
+                    Some(FromMonitor::Ready(is_ready)) => is_refused.set(!is_ready),
+                    None => {}
                 }
             }
             answer.extend(bytes);
@@ -289,6 +294,9 @@ impl Session {
             while let Ok(bytes) = receiver.try_recv() {
                 hear(bytes);
             }
+            if is_refused.get() {
+                return Err(Failure::other(REFUSED));
+            }
         }
         line.writer.flush().map_err(Failure::other)?;
         for bytes in &receiver {
@@ -302,6 +310,9 @@ impl Session {
             line.writer.write_all(end).and_then(|()| line.writer.flush()).map_err(Failure::other)?;
         }
         let log = line.end()?;
+        if is_refused.get() {
+            return Err(Failure::other(REFUSED));
+        }
         let is_identical = answer == expected;
         Ok(Outcome { reports, status, twin, is_identical, bytes: sent, injected, log })
     }
