@@ -202,13 +202,15 @@ impl<const FAULTS: usize> Config<FAULTS> {
         if self.forgets_sensor(SETTLE) { Ok(()) } else { Err(ConfigError::SensorMemory) }
     }
 
+    /// Largest value that a parameter may have, in its unit.
+    pub(super) fn largest(&self, parameter: Parameter) -> f32 {
+        let fault = self.faults.iter().find(|fault| fault.free.parameter == parameter);
+        fault.map_or(self.parameters.get(parameter), |fault| fault.free.upper)
+    }
+
     /// Has the sensor forgotten where it was at the start of a window, a time (s) after it?
     pub(super) fn forgets_sensor(&self, settle: f32) -> bool {
-        let largest = |parameter| {
-            let fault = self.faults.iter().find(|fault| fault.free.parameter == parameter);
-            fault.map_or(self.parameters.get(parameter), |fault| fault.free.upper)
-        };
-        let (lag, delay) = (largest(Parameter::SensorLag), largest(Parameter::SensorDelay));
+        let (lag, delay) = (self.largest(Parameter::SensorLag), self.largest(Parameter::SensorDelay));
         // Half a sample is what the number of them that settle is rounded by.
         LAGS * lag + delay <= settle + 0.5 * self.sample_period
     }

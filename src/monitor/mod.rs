@@ -247,6 +247,8 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
             position: scale.reach(),
             current: scale.largest_current(),
             noise: config.believed_noise(),
+            backlash: config.largest(Parameter::Backlash),
+            saturation: config.parameters.current_limit,
         };
         let mut screen = self.screen;
         screen.look(sample, &limits, &mut Feed { monitor: self, scale });

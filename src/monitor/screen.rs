@@ -12,9 +12,10 @@ const LONGEST_BRIDGE: u32 = 20;
 const NEW_COUNT: u32 = 8;
 /// Departure from both neighbours, in standard deviations of the noise, that makes a spike.
 const SPIKE: f32 = 10.0;
-/// Samples of the very same value after which a sensor is stuck, if the command has moved.
+/// Samples of the very same value after which a sensor is stuck, counted where the command has moved.
 const STUCK: u32 = 100;
-/// How far the command must have moved meanwhile, m.
+/// How far the command must have moved meanwhile, m: ten steps of an LVDT of 12 bits. A position behind a backlash stands
+/// still for as much more.
 const STUCK_COMMAND: f32 = 1e-3;
 
 /// How many samples were excluded, and why.
@@ -109,6 +110,10 @@ pub(super) struct Limits {
     pub(super) current: f32,
     /// Noise of user position and current.
     pub(super) noise: [f32; 2],
+    /// Widest backlash, m.
+    pub(super) backlash: f32,
+    /// Current at its limit, mA: it stands still there.
+    pub(super) saturation: f32,
 }
 
 /// How long a sensor has said the same, and where the command was meanwhile.
@@ -118,30 +123,31 @@ pub(super) struct Still {
     pub(super) count: u32,
     pub(super) lowest: f32,
     pub(super) highest: f32,
-    pub(super) stuck: bool,
+    /// Samples at which the command had moved.
+    pub(super) away: u32,
 }
 
 impl Still {
-    const NEW: Self = Self { value: 0.0, count: 0, lowest: 0.0, highest: 0.0, stuck: false };
+    const NEW: Self = Self { value: 0.0, count: 0, lowest: 0.0, highest: 0.0, away: 0 };
 
-    /// Looks at the next value. `turns`: the command must also have turned back by as much, since this sensor stands
-    /// still where the command moves evenly. Returns how many samples turn out to be stuck: all that led to it, then one by
-    /// one.
-    fn look(&mut self, value: f32, command: f32, turns: bool) -> u32 {
+    /// Looks at the next value. The command must have moved by more than `least`, m. `turns`: and must have turned back by
+    /// as much, since this sensor stands still where the command moves evenly. Returns how many samples turn out to be
+    /// stuck: all that led to it, then one by one.
+    fn look(&mut self, value: f32, command: f32, least: f32, turns: bool) -> u32 {
         if value.to_bits() != self.value.to_bits() || self.count == 0 {
-            *self = Self { value, count: 1, lowest: command, highest: command, stuck: false };
+            *self = Self { value, count: 1, lowest: command, highest: command, away: 0 };
             return 0;
         }
         self.count = self.count.saturating_add(1);
-        self.lowest = self.lowest.min(command);
-        self.highest = self.highest.max(command);
-        let turned = self.highest - command > STUCK_COMMAND && command - self.lowest > STUCK_COMMAND;
-        let moved = self.highest - self.lowest > STUCK_COMMAND;
-        if self.stuck {
+        if self.away >= STUCK {
             return 1;
         }
-        self.stuck = self.count >= STUCK && if turns { turned } else { moved };
-        if self.stuck { self.count } else { 0 }
+        self.lowest = self.lowest.min(command);
+        self.highest = self.highest.max(command);
+        let turned = self.highest - command > least && command - self.lowest > least;
+        let moved = self.highest - self.lowest > least;
+        self.away += u32::from(if turns { turned } else { moved });
+        if self.away >= STUCK { self.count } else { 0 }
     }
 }
 
@@ -218,6 +224,7 @@ impl Screen {
     fn checked(&mut self, sample: &Sample, limits: &Limits, sink: &mut impl Sink) -> Screened {
         let mut values = [Some(sample.user), Some(sample.current)];
         let largest = [limits.position, limits.current];
+        let least = [STUCK_COMMAND + limits.backlash, STUCK_COMMAND];
         let mut back = [0; 2];
         for channel in 0..2 {
             let Some(value) = values[channel] else { continue };
@@ -230,7 +237,7 @@ impl Screen {
                 values[channel] = None;
                 sink.exclude(1, |counts| &mut counts.out_of_range);
             } else {
-                let stuck = self.still[channel].look(value, sample.command, channel == 1);
+                let stuck = self.still[channel].look(value, sample.command, least[channel], channel == 1);
                 if stuck > 0 {
                     values[channel] = None;
                     back[channel] = stuck - 1;

@@ -129,7 +129,17 @@ impl<C: Fn(u32) -> f32> Flight<C> {
     }
 
     /// The next sample, with a backlash and a friction.
-    pub(crate) fn next(&mut self, [bkl, fdj]: [f32; 2]) -> Sample {
+    pub(crate) fn next(&mut self, faults: [f32; 2]) -> Sample {
+        let sample = self.quiet(faults);
+        Sample {
+            user: sample.user + NOISE.user * self.random.bell::<f32>(),
+            current: sample.current + NOISE.current * self.random.bell::<f32>(),
+            ..sample
+        }
+    }
+
+    /// The same without noise.
+    pub(crate) fn quiet(&mut self, [bkl, fdj]: [f32; 2]) -> Sample {
         let changed = bkl != self.parameters.bkl || fdj != self.parameters.fdj;
         self.parameters = Parameters { bkl, fdj, ..self.parameters };
         let actuator = Actuator::new(Model::new(Form::default(), &self.parameters), PERIOD);
@@ -147,12 +157,7 @@ impl<C: Fn(u32) -> f32> Flight<C> {
         let outputs = actuator.measure(&mut self.motion, &input);
         let tick = self.sample;
         self.sample += 1;
-        Sample {
-            tick,
-            command,
-            user: outputs.user + NOISE.user * self.random.bell::<f32>(),
-            current: outputs.current + NOISE.current * self.random.bell::<f32>(),
-        }
+        Sample { tick, command, user: outputs.user, current: outputs.current }
     }
 }
 

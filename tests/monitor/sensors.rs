@@ -1,10 +1,13 @@
 //! Sensor trouble: found, counted, excluded, and without effect on the estimates.
 
-use crate::flight::{Flight, Flown, HEALTHY, NOISE, WINDOW, feed, monitor};
+use crate::flight::{Flight, Flown, HEALTHY, NOISE, WINDOW, config, feed, monitor};
+use core::f32::consts::TAU;
 use eha_monitor::monitor::Counters;
+use eha_monitor::monitor::config::Config;
 use eha_monitor::monitor::report::{Report, Verdict};
 use eha_monitor::monitor::sample::Sample;
 use eha_monitor::random::Random;
+use eha_monitor::trial::SensorNoise;
 
 /// A flight whose samples something happens to; none: the sample is lost.
 fn troubled(
@@ -146,6 +149,38 @@ fn a_stuck_sensor_is_a_sensor_fault_and_not_a_fault() {
         assert!(counters.exclusions.stuck > 1500, "{counters:?}");
         assert!(reports.iter().all(|report| report.faults.iter().all(|fault| fault.evidence == 0.0)));
     }
+}
+
+#[test]
+fn a_coarse_sensor_that_stands_still_in_a_wide_backlash_is_not_stuck() {
+    // In steps of 20 um that no noise hides; the backlash is 1.2 mm of the 1.5 mm that are searched.
+    let sine = |sample: u32| 4e-3 * (TAU * 5e-4 * sample as f32).sin();
+    let mut flight = Flight::new(sine, 43);
+    let mut monitor = monitor();
+    monitor.configure(&Config { noise: SensorNoise { user: 1e-5, ..NOISE }, ..config() }).unwrap();
+    let mut reports = Vec::new();
+    for _ in 0..4 * WINDOW + 300 {
+        let mut sample = flight.quiet([1.2e-3, 400.0]);
+        sample.user = (sample.user / 2e-5).round() * 2e-5;
+        reports.extend(feed(&mut monitor, &sample));
+    }
+    assert_eq!(monitor.counters().exclusions.total(), 0, "{reports:?}");
+    assert_eq!(reports.len(), 4);
+    for report in &reports[1..] {
+        assert_eq!(report.verdict, Verdict::Fault, "{report:?}");
+        assert!(report.faults[0].alarmed, "{report:?}");
+    }
+}
+
+#[test]
+fn a_quiet_sensor_is_not_stuck_where_the_command_steps_after_a_rest() {
+    // No ram has moved by the sample at which the command jumps.
+    let mut flight = Flight::new(|sample| if sample < 1500 { 0.0 } else { 0.02 }, 44);
+    let mut monitor = monitor();
+    for _ in 0..2 * WINDOW + 300 {
+        feed(&mut monitor, &flight.quiet(HEALTHY));
+    }
+    assert_eq!(monitor.counters().exclusions.total(), 0, "{:?}", monitor.counters());
 }
 
 #[test]
