@@ -131,10 +131,10 @@ impl Still {
     const NEW: Self = Self { value: 0.0, count: 0, lowest: 0.0, highest: 0.0, away: 0 };
 
     /// Looks at the next value. The command must have moved by more than `least`, m. `turns`: and must have turned back by
-    /// as much, since this sensor stands still where the command moves evenly. Returns how many samples turn out to be
-    /// stuck: all that led to it, then one by one.
-    fn look(&mut self, value: f32, command: f32, least: f32, turns: bool) -> u32 {
-        if value.to_bits() != self.value.to_bits() || self.count == 0 {
+    /// as much, since this sensor stands still where the command moves evenly. `rests`: it is right to stand still. Returns
+    /// how many samples turn out to be stuck: all that led to it, then one by one.
+    fn look(&mut self, value: f32, command: f32, least: f32, turns: bool, rests: bool) -> u32 {
+        if rests || value.to_bits() != self.value.to_bits() || self.count == 0 {
             *self = Self { value, count: 1, lowest: command, highest: command, away: 0 };
             return 0;
         }
@@ -237,7 +237,10 @@ impl Screen {
                 values[channel] = None;
                 sink.exclude(1, |counts| &mut counts.out_of_range);
             } else {
-                let stuck = self.still[channel].look(value, sample.command, least[channel], channel == 1);
+                let is_current = channel == 1;
+                let rests = is_current && value.abs() >= limits.saturation - limits.noise[channel];
+                let stuck =
+                    self.still[channel].look(value, sample.command, least[channel], is_current, rests);
                 if stuck > 0 {
                     values[channel] = None;
                     back[channel] = stuck - 1;

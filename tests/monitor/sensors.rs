@@ -184,6 +184,24 @@ fn a_quiet_sensor_is_not_stuck_where_the_command_steps_after_a_rest() {
 }
 
 #[test]
+fn a_quiet_current_at_its_limit_is_not_stuck() {
+    // The valve stays wide open for a tenth of a second and more after the command has turned back.
+    let mut flight = Flight::new(|sample| 0.08 * (TAU * 1e-3 * sample as f32).sin(), 45);
+    let mut random = Random::new(45);
+    let mut monitor = monitor();
+    let mut reports = Vec::new();
+    for _ in 0..4 * WINDOW + 300 {
+        // What was sent to the valve, without noise; the position has its own.
+        let sample = flight.quiet(HEALTHY);
+        let user = sample.user + NOISE.user * random.bell::<f32>();
+        reports.extend(feed(&mut monitor, &Sample { user, ..sample }));
+    }
+    assert_eq!(monitor.counters().exclusions.total(), 0, "{:?}", monitor.counters());
+    assert_eq!(reports.len(), 4);
+    all_healthy(&reports);
+}
+
+#[test]
 fn a_sensor_that_fails_for_good_is_called_so() {
     for value in [f32::NAN, f32::INFINITY, 1.0, -1e20] {
         let (reports, _) = troubled(4, |number, mut sample| {
