@@ -368,7 +368,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
             exclusions: window.exclusions,
             latency_samples: self.latency,
             reversals: found.path.reversals,
-            travel: found.path.travel,
+            travel: finite(found.path.travel),
             ..self.blank()
         };
         let Some(config) = self.config.get().copied() else { return report };
@@ -407,10 +407,12 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         for (channel, noise) in config.believed_noise().into_iter().enumerate() {
             let (mean, rms) = found.sums.residual(channel);
             // A channel without a single sample has no residual, and its noise may not be finite.
-            report.offset[channel] = if mean == 0.0 { 0.0 } else { mean * noise };
+            report.offset[channel] = finite(mean * noise);
             report.residual_rms[channel] = if rms == 0.0 { 0.0 } else { rms * noise };
         }
         report.verdict = match (informs, is_explained, is_faulty) {
+            // It runs away, and may have no turns that could tell of a fault.
+            _ if widening == f32::INFINITY => Verdict::ModelInadequate,
             (false, ..) => Verdict::Uninformative,
             (_, false, _) => Verdict::ModelInadequate,
             (_, _, true) => Verdict::Fault,
@@ -479,6 +481,11 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
 /// Samples at the start of a window that are not compared.
 fn settle_samples<const FAULTS: usize, const SAMPLES: usize>(config: &Config<FAULTS>) -> usize {
     ((SETTLE / config.sample_period + 0.5) as usize).min(SAMPLES / 4)
+}
+
+/// A value, or zero for what is no number.
+const fn finite(value: f32) -> f32 {
+    if value.is_finite() { value } else { 0.0 }
 }
 
 /// A value with its evidence, and no standard error.

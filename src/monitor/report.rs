@@ -64,7 +64,8 @@ pub struct Report<const FAULTS: usize> {
     pub verdict: Verdict,
     /// The faults.
     pub faults: [Estimate; FAULTS],
-    /// Residual of user position, m, and current, mA, rms about its mean; 0 where nothing was compared.
+    /// Residual of user position, m, and current, mA, rms about its mean; 0 where nothing was compared, infinite where the
+    /// model runs away. Offset and path may be zero then.
     pub residual_rms: [f32; 2],
     /// Noise of both as it is believed: as it was stated, but not below the model's own error, 0.1 um and 1 uA.
     pub noise: [f32; 2],

@@ -47,9 +47,12 @@ impl<const GENES: usize> Channel<GENES> {
         if self.count == 0 { 0.0 } else { self.residual / self.count as f32 }
     }
 
-    /// Sum of squares about the mean.
+    /// Sum of squares about the mean; infinite where a prediction was no number. (`max` would make zero of
+    /// that.) Not inlined: three places would hold it.
+    #[inline(never)]
     fn about_mean(&self) -> f32 {
-        (self.square - self.residual * self.mean()).max(0.0)
+        let square = self.square - self.residual * self.mean();
+        if square.is_finite() { square.max(0.0) } else { f32::INFINITY }
     }
 }
 
@@ -150,4 +153,30 @@ impl<const GENES: usize> Sums<GENES> {
 /// A correlation between 0 and 0.95. (`clamp` can panic, as far as the compiler sees.)
 fn saturated(correlation: f32) -> f32 {
     if correlation > 0.95 { 0.95 } else { correlation.max(0.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::identify::within_noise;
+
+    #[test]
+    fn a_prediction_that_is_no_number_is_the_worst_and_not_the_best() {
+        for wild in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30] {
+            for place in [0, 50, 99] {
+                let mut sums = Sums::<1>::NONE;
+                for sample in 0..100 {
+                    let residual = if sample == place { wild } else { 0.5 };
+                    sums.add(0, Some(residual), &[1.0]);
+                    sums.add(1, Some(0.5), &[1.0]);
+                }
+                let misfit = sums.misfit();
+                assert_eq!(misfit.chi_square, f32::INFINITY, "{wild} at {place}");
+                assert!(!within_noise(&misfit), "{wild} at {place}");
+                assert_eq!(sums.residual(0).1, f32::INFINITY, "{wild} at {place}");
+                assert!(sums.residual(1).1 < 1e-3, "{wild} at {place}");
+                assert_eq!(sums.inflation(), f32::INFINITY, "{wild} at {place}");
+            }
+        }
+    }
 }

@@ -3,6 +3,8 @@
 use crate::flight::{ALARMED, Flight, Flown, HEALTHY, WINDOW, config, feed, monitor};
 use eha_monitor::command::{Command, CommandInfo};
 use eha_monitor::fit::FRICTION_ERROR;
+use eha_monitor::link::station::{AnySteps, any_steps};
+use eha_monitor::monitor::Monitor;
 use eha_monitor::monitor::config::{Config, ConfigError};
 use eha_monitor::monitor::report::{Report, Verdict};
 use eha_monitor::monitor::sample::Sample;
@@ -91,6 +93,35 @@ fn what_the_model_lacks_is_no_fault() {
         assert!(report.residual_rms[0] > 2.0 * report.noise[0], "{report:?}");
         // The search was called in, and warm from the second window on.
         assert!((20..120).contains(&report.evaluations), "{report:?}");
+    }
+}
+
+#[test]
+fn a_model_that_runs_away_explains_nothing() {
+    // A supply that sags without bound behind a soft mount, and cogging far beyond what the jack can push.
+    let parameters = Parameters {
+        mount_compliance: 5.7e-6,
+        supply_sag: 5.0,
+        metering_blend: 1.0,
+        cogging_cosine: 1e5,
+        ..Parameters::default()
+    };
+    let mut monitor = Box::new(Monitor::<AnySteps<4>, 300, 2, 20>::idle(any_steps()));
+    monitor.configure(&Config { parameters, ..config() }).unwrap();
+    let flown = Flown::lively(3);
+    let mut flight = Flight::new(|sample| flown.at(sample), 3);
+    let mut reports = Vec::new();
+    for _ in 0..1000 {
+        monitor.take(&flight.next(HEALTHY));
+        reports.extend(monitor.work(4000).1);
+    }
+    assert!(reports.iter().any(|report| report.residual_rms[0] == f32::INFINITY), "{reports:?}");
+    for report in &reports {
+        assert_eq!(report.verdict, Verdict::ModelInadequate, "{report:?}");
+        assert!(
+            report.offset.iter().all(|offset| offset.is_finite()) && report.travel.is_finite(),
+            "{report:?}"
+        );
     }
 }
 
