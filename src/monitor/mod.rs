@@ -398,6 +398,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
                     self.evidence[gene].wait(ratio);
                 }
             }
+            is_faulty |= self.evidence[gene].alarmed;
             report.faults[gene] = Estimate {
                 standard_error: error,
                 informative,

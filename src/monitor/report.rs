@@ -6,9 +6,10 @@ use super::screen::Exclusions;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Verdict {
-    /// The model explains the window, and no fault is nearer to its alarmed value than to its healthy one.
+    /// The model explains the window, no fault is alarmed, and of none is the alarmed value more likely than the healthy
+    /// one by half of what an alarm takes.
     Healthy = 0,
-    /// The model explains the window with a fault: its alarmed value is more likely than the healthy one by more than
+    /// The model explains the window, and a fault is alarmed, or its alarmed value is more likely than the healthy one by
     /// half of what an alarm takes.
     Fault = 1,
     /// The model does not explain the window, whatever the faults: they are not to be believed.

@@ -5,7 +5,7 @@ use eha_monitor::command::{Command, CommandInfo};
 use eha_monitor::fit::FRICTION_ERROR;
 use eha_monitor::link::station::{AnySteps, any_steps};
 use eha_monitor::monitor::Monitor;
-use eha_monitor::monitor::config::{Config, ConfigError};
+use eha_monitor::monitor::config::{Config, ConfigError, Fault};
 use eha_monitor::monitor::report::{Report, Verdict};
 use eha_monitor::monitor::sample::Sample;
 use eha_monitor::parameter::{Parameter, Parameters};
@@ -75,6 +75,25 @@ fn an_alarm_ends_when_the_fault_is_gone() {
         reports(|sample| flown.at(sample), |sample| if sample < repaired { ALARMED } else { HEALTHY }, 8);
     assert!(reports[3].faults.iter().all(|fault| fault.alarmed), "{:?}", reports[3]);
     assert!(reports[7].faults.iter().all(|fault| !fault.alarmed), "{:?}", reports[7]);
+}
+
+#[test]
+fn no_window_is_healthy_while_a_fault_is_alarmed() {
+    // A friction at its alarmed value, which is hardly above the healthy one: a window tells little, and many an alarm.
+    let alarmed = 414.0;
+    let mut monitor = monitor();
+    let friction = Fault::new(Parameter::DryFriction, [200.0, 4000.0], HEALTHY[1], alarmed);
+    monitor.configure(&Config { faults: [config().faults[0], friction], ..config() }).unwrap();
+    let flown = Flown::lively(11);
+    let mut flight = Flight::new(|sample| flown.at(sample), 3);
+    let reports: Vec<_> = (0..40 * WINDOW + 300)
+        .filter_map(|_| feed(&mut monitor, &flight.next([HEALTHY[0], alarmed])))
+        .filter(|report| report.faults[1].alarmed)
+        .collect();
+    assert!(reports.len() > 10, "{reports:?}");
+    for report in &reports {
+        assert_eq!(report.verdict, Verdict::Fault, "{report:?}");
+    }
 }
 
 #[test]
