@@ -249,6 +249,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
             noise: config.believed_noise(),
             backlash: config.largest(Parameter::Backlash),
             saturation: config.parameters.current_limit,
+            holds_command: config.holds_command,
         };
         let mut screen = self.screen;
         screen.look(sample, &limits, &mut Feed { monitor: self, scale });

@@ -59,6 +59,24 @@ fn lost_samples_are_bridged() {
 }
 
 #[test]
+fn a_jump_of_the_command_does_not_bend_the_bridge_behind_it() {
+    for lost in [1, 5, 20] {
+        let flown = Flown::lively(5);
+        let jump = |sample| if sample >= 1600 { 1e-3 } else { 0.0 };
+        let mut flight = Flight::new(|sample| flown.at(sample) + jump(sample), 5);
+        let mut monitor = monitor();
+        let mut reports = Vec::new();
+        for number in 0..3 * WINDOW as u32 + 300 {
+            let sample = flight.next(HEALTHY);
+            if !(1601..=1600 + lost).contains(&number) {
+                reports.extend(feed(&mut monitor, &sample));
+            }
+        }
+        all_healthy(&reports);
+    }
+}
+
+#[test]
 fn values_that_are_none_are_left_out() {
     let mut random = Random::new(2);
     let mut counts = [0; 3];
