@@ -466,6 +466,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     fn resume(&mut self) {
         self.has_analysis = false;
         self.has_begun = false;
+        self.screen.restarted = true;
         // A start that no actuator can have is none, and without one there is nothing to analyse.
         if let Some(config) = self.config.get() {
             let bounds = config.bounds();

@@ -169,6 +169,8 @@ pub(super) struct Screen {
     pub(super) unusable: u32,
     /// For user position and current.
     pub(super) still: [Still; 2],
+    /// Has a restart come after the newest?
+    pub(super) restarted: bool,
 }
 
 impl Screen {
@@ -181,6 +183,7 @@ impl Screen {
         disorder: 0,
         unusable: 0,
         still: [Still::NEW; 2],
+        restarted: false,
     };
 
     /// Looks at a sample. Bounded: at most [`LONGEST_BRIDGE`] samples go to the sink besides it.
@@ -199,7 +202,9 @@ impl Screen {
                 interrupted = true;
             } else {
                 gap = step - 1;
-                interrupted = gap > LONGEST_BRIDGE;
+                // While it was off, nobody knows what the command did.
+                let is_missed = self.restarted && gap > self.unusable;
+                interrupted = gap > LONGEST_BRIDGE || is_missed;
             }
         }
         let is_in_range = sample.command.abs() <= limits.position;
@@ -211,6 +216,7 @@ impl Screen {
             return;
         }
         self.disorder = 0;
+        self.restarted = false;
         sink.exclude(gap.saturating_sub(core::mem::take(&mut self.unusable)), |counts| &mut counts.lost);
         let checked = self.checked(sample, limits, sink);
         if interrupted {

@@ -1,9 +1,10 @@
 //! The state survives a restart.
 
-use crate::flight::{Flight, Flown, HEALTHY, TestMonitor, WINDOW, config, feed, monitor};
+use crate::flight::{ALARMED, Flight, Flown, HEALTHY, TestMonitor, WINDOW, config, feed, monitor};
 use eha_monitor::monitor::SnapshotError;
 use eha_monitor::monitor::config::Config;
-use eha_monitor::monitor::report::Report;
+use eha_monitor::monitor::report::{Report, Verdict};
+use eha_monitor::monitor::sample::Sample;
 use eha_monitor::random::Random;
 
 fn snapshot(monitor: &mut TestMonitor) -> Vec<u8> {
@@ -45,6 +46,40 @@ fn a_restored_monitor_goes_on_with_the_same_bits() {
     let whole = reports(&[]);
     assert_eq!(whole.len(), 5);
     assert_eq!(reports(&[1, 999, 1003, 1010, 2500, 4025]), whole);
+}
+
+#[test]
+fn a_window_is_not_joined_to_what_comes_after_an_outage() {
+    let flown = Flown::lively(34);
+    let mut flight = Flight::new(|sample| flown.at(sample), 34);
+    let mut monitor = monitor();
+    for _ in 0..2500 {
+        feed(&mut monitor, &flight.next(ALARMED));
+    }
+    let bytes = snapshot(&mut monitor);
+    // An hour later, at another place; the ticks go on after those of the snapshot, or nearly so.
+    for missed in [1, 5, 20] {
+        let mut monitor = self::monitor();
+        monitor.restore(&bytes).expect("its own snapshot");
+        let later = Flown::lively(35);
+        let mut flight = Flight::new(|sample| 0.05 + later.at(sample), 35);
+        let mut reports = Vec::new();
+        for _ in 0..2300 {
+            let sample = flight.next(ALARMED);
+            let tick = sample.tick + 2500 + missed;
+            // The first of them has a bad command: it came, but what is missing is missing still.
+            let command = if sample.tick == 0 { f32::NAN } else { sample.command };
+            reports.extend(feed(&mut monitor, &Sample { tick, command, ..sample }));
+        }
+        let verdicts: Vec<_> = reports.iter().map(|report| report.verdict).collect();
+        assert_eq!(verdicts, [Verdict::SensorFault, Verdict::Fault, Verdict::Fault], "{missed}: {reports:?}");
+        assert_eq!([reports[0].first_tick, reports[1].first_tick], [2000, 2501 + missed], "{missed}");
+        assert!(
+            reports[0].faults.iter().all(|fault| fault.evidence > 0.4),
+            "what was known stays: {reports:?}"
+        );
+        assert!(reports[1].faults.iter().all(|fault| fault.alarmed), "{missed}: {reports:?}");
+    }
 }
 
 #[test]
