@@ -24,7 +24,8 @@ pub(super) struct Evidence {
 
 /// What a sum must reach.
 pub(super) fn threshold<const FAULTS: usize>(config: &Config<FAULTS>) -> f32 {
-    libm::logf(FAULTS as f32 / config.false_alarm_rate)
+    // The quotient would be no number where the rate is next to none.
+    libm::logf(FAULTS as f32) - libm::logf(config.false_alarm_rate)
 }
 
 /// How much more likely the alarmed value is than the healthy one, as a logarithm.
@@ -67,7 +68,26 @@ impl Evidence {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::problem::Free;
+    use crate::model::Form;
+    use crate::parameter::{Parameter, Parameters};
     use crate::random::Random;
+    use crate::trial::SensorNoise;
+
+    fn two_faults() -> Config<2> {
+        let fault =
+            |parameter| Fault { free: Free { parameter, lower: 0.0, upper: 3.0 }, healthy: 1.0, alarm: 2.0 };
+        Config {
+            form: Form::default(),
+            parameters: Parameters::default(),
+            sample_period: 1e-3,
+            holds_command: false,
+            noise: SensorNoise { user: 5e-6, current: 0.02 },
+            faults: [fault(Parameter::Backlash), fault(Parameter::DryFriction)],
+            false_alarm_rate: 1e-6,
+            seed: 1,
+        }
+    }
 
     /// The worst healthy actuator, at its largest healthy value, with a standard error that lets one window say little.
     #[test]
@@ -87,6 +107,16 @@ mod tests {
         }
         assert!(alarms > 0, "a test that cannot alarm keeps any rate");
         assert!(f64::from(alarms) <= f64::from(rate) * f64::from(windows), "{alarms} alarms");
+    }
+
+    #[test]
+    fn the_rarest_alarm_has_a_threshold() {
+        for rate in [f32::from_bits(1), 1e-39, 1e-20, 1e-6, 0.999_999_9] {
+            let config = Config { false_alarm_rate: rate, ..two_faults() };
+            let expected = (2.0 / f64::from(rate)).ln();
+            let error = f64::from(threshold(&config)) - expected;
+            assert!(error.abs() < 2e-7 * expected.max(1.0), "{rate:e}: {error:e}");
+        }
     }
 
     #[test]
