@@ -242,8 +242,10 @@ impl<T: Real> Nodes<T> {
         let [middle, end] = terms;
         let [_, by_middle, by_end] = &answer.middle.0;
         let [_, end_by_middle, end_by_end] = &answer.end.0;
-        let (a, b) = (T::ONE - middle.slope * by_middle[place], -middle.slope * by_end[place]);
-        let (c, d) = (-end.slope * end_by_middle[place], T::ONE - end.slope * end_by_end[place]);
+        // Not an index: a place that is known at run time only would leave a panic behind.
+        let at = |row: &[T; N]| row.get(place).copied().unwrap_or(T::ZERO);
+        let (a, b) = (T::ONE - middle.slope * at(by_middle), -middle.slope * at(by_end));
+        let (c, d) = (-end.slope * at(end_by_middle), T::ONE - end.slope * at(end_by_end));
         let (p, q) = (middle.value - self.values[1], end.value - self.values[2]);
         let factor = T::ONE / (a * d - b * c);
         let (first, second) = ((p * d - b * q) * factor, (a * q - c * p) * factor);
