@@ -202,10 +202,28 @@ impl<const FAULTS: usize> Config<FAULTS> {
         if self.forgets_sensor(SETTLE) { Ok(()) } else { Err(ConfigError::SensorMemory) }
     }
 
-    /// Largest value that a parameter may have, in its unit.
+    /// Largest magnitude that a parameter may have, in its unit.
+    #[inline(never)]
     pub(super) fn largest(&self, parameter: Parameter) -> f32 {
         let fault = self.faults.iter().find(|fault| fault.free.parameter == parameter);
-        fault.map_or(self.parameters.get(parameter), |fault| fault.free.upper)
+        let known = self.parameters.get(parameter);
+        let [lower, upper] = fault.map_or([known; 2], |fault| [fault.free.lower, fault.free.upper]);
+        upper.abs().max(lower.abs())
+    }
+
+    /// How far the ram may be from zero, m: a quarter beyond its stop.
+    pub(super) fn reach(&self) -> f32 {
+        1.25 * self.parameters.jack_stop
+    }
+
+    /// What a window takes: all that the sensor may make of a user position.
+    #[inline(never)]
+    pub(super) fn scale(&self) -> Scale {
+        let user = self.reach() + self.largest(Parameter::Backlash);
+        let gain = 1.0 + self.largest(Parameter::SensorGain);
+        let bent = 1.0 + self.largest(Parameter::SensorCubic) * user * user;
+        let position = self.largest(Parameter::SensorOffset) + gain * user * bent;
+        Scale::of(position, self.parameters.current_limit)
     }
 
     /// Has the sensor forgotten where it was at the start of a window, a time (s) after it?
@@ -237,7 +255,7 @@ impl<const FAULTS: usize> Config<FAULTS> {
         let sag = if model.parameters().supply_sag == 0.0 { RESIDUE } else { LARGEST };
         State {
             spool: 1.25 * self.parameters.spool_stop,
-            ram: Scale::of(&self.parameters).reach(),
+            ram: self.reach(),
             sag,
             base,
             base_velocity: base,

@@ -242,8 +242,9 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         if self.is_analysing {
             self.latency = self.latency.saturating_add(1);
         }
-        let scale = Scale::of(&config.parameters);
+        let scale = config.scale();
         let limits = Limits {
+            command: config.reach(),
             position: scale.reach(),
             current: scale.largest_current(),
             noise: config.believed_noise(),
@@ -326,7 +327,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     #[inline(never)]
     fn analyse(&mut self, allowance: &mut u32) {
         let (Some(config), Some(start)) = (self.config.get(), self.start.get()) else { return };
-        let scale = Scale::of(&config.parameters);
+        let scale = config.scale();
         let [first, second] = &self.windows;
         let window = if self.second_fills { first } else { second };
         let settle = settle_samples::<FAULTS, SAMPLES>(config);

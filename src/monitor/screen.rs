@@ -104,7 +104,9 @@ pub(super) trait Sink {
 /// What a screen needs to know.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Limits {
-    /// Largest position, m.
+    /// Largest command, m.
+    pub(super) command: f32,
+    /// Largest reading of a position, m.
     pub(super) position: f32,
     /// Largest current, mA.
     pub(super) current: f32,
@@ -207,7 +209,7 @@ impl Screen {
                 interrupted = gap > LONGEST_BRIDGE || is_missed;
             }
         }
-        let is_in_range = sample.command.abs() <= limits.position;
+        let is_in_range = sample.command.abs() <= limits.command;
         if !is_in_range {
             if !is_counted {
                 self.unusable = self.unusable.saturating_add(1);
@@ -295,7 +297,7 @@ impl Screen {
             limits.holds_command,
         );
         for lost in 1..=gap {
-            let command = bridge.at(lost).max(-limits.position).min(limits.position);
+            let command = bridge.at(lost).max(-limits.command).min(limits.command);
             sink.accept(&Screened {
                 tick: newest.tick.wrapping_add(lost),
                 command,

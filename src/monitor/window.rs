@@ -4,7 +4,6 @@
 //! the source's, far below the noise. Whatever a sensor says, what comes out of a window is a number in range.
 
 use super::screen::{Exclusions, Screened};
-use crate::parameter::Parameters;
 use crate::scalar::Real;
 
 /// Counts on either side of zero of a position.
@@ -22,11 +21,11 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// A quarter more than the actuator can reach.
-    pub(super) fn of(parameters: &Parameters<f32>) -> Self {
+    /// For positions up to a largest one, m, and a quarter more than the limit of the current, mA.
+    pub(super) fn of(position: f32, current_limit: f32) -> Self {
         Self {
-            position: parameters.jack_stop * 1.25 / POSITION_COUNTS as f32,
-            current: parameters.current_limit * 1.25 / CURRENT_COUNTS as f32,
+            position: position / POSITION_COUNTS as f32,
+            current: current_limit * 1.25 / CURRENT_COUNTS as f32,
         }
     }
 
@@ -182,7 +181,7 @@ mod tests {
 
     #[test]
     fn a_sample_comes_out_within_half_a_count() {
-        let scale = Scale::of(&Parameters::default());
+        let scale = Scale::of(0.25, 10.0);
         for (command, user, current) in
             [(0.0, 0.0, 0.0), (0.2, -0.2, 10.0), (-0.2, 0.2, -10.0), (1e-7, -1e-7, 1e-3)]
         {
@@ -202,7 +201,7 @@ mod tests {
 
     #[test]
     fn what_is_no_value_in_range_is_missing() {
-        let scale = Scale::of(&Parameters::default());
+        let scale = Scale::of(0.25, 10.0);
         for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30, -1e30] {
             let sample = Screened { tick: 0, command: 0.0, user: Some(value), current: Some(value) };
             let packed = Packed::new(&sample, scale);

@@ -6,6 +6,7 @@ use eha_monitor::monitor::Counters;
 use eha_monitor::monitor::config::Config;
 use eha_monitor::monitor::report::{Report, Verdict};
 use eha_monitor::monitor::sample::Sample;
+use eha_monitor::parameter::Parameters;
 use eha_monitor::random::Random;
 use eha_monitor::trial::SensorNoise;
 
@@ -217,6 +218,29 @@ fn a_quiet_current_at_its_limit_is_not_stuck() {
     assert_eq!(monitor.counters().exclusions.total(), 0, "{:?}", monitor.counters());
     assert_eq!(reports.len(), 4);
     all_healthy(&reports);
+}
+
+#[test]
+fn what_the_sensor_of_the_rig_makes_of_a_position_is_in_range() {
+    // Near the stop: readings of some 0.28 m for 0.18, as of 0.27, and 0.28.
+    let [offset, gain, cubic] = [
+        Parameters { sensor_offset: 0.1, ..Parameters::default() },
+        Parameters { sensor_gain: 0.5, ..Parameters::default() },
+        Parameters { sensor_gain: 0.2, sensor_cubic: 10.0, ..Parameters::default() },
+    ];
+    for parameters in [offset, gain, cubic] {
+        let flown = Flown::lively(46);
+        let mut flight = Flight::of(&parameters, |sample| 0.17 + flown.at(sample), 46);
+        let mut monitor = monitor();
+        monitor.configure(&Config { parameters, ..config() }).unwrap();
+        let reports: Vec<_> =
+            (0..3 * WINDOW + 300).filter_map(|_| feed(&mut monitor, &flight.next(HEALTHY))).collect();
+        assert_eq!(monitor.counters().exclusions.total(), 0, "{:?}", monitor.counters());
+        assert_eq!(reports.len(), 3);
+        // In the first one the model starts at rest where the sensor shows the ram: beyond its stop.
+        assert_ne!(reports[0].verdict, Verdict::SensorFault, "{reports:?}");
+        all_healthy(&reports[1..]);
+    }
 }
 
 #[test]
