@@ -70,8 +70,8 @@ pub struct Setup {
     pub false_alarm_rate: f32,
     /// Seed of the search.
     pub seed: u64,
-    /// Steps of the model that the monitor may take for each sample. With fewer than
-    /// [`LONGEST_PIECE`](crate::integrate::LONGEST_PIECE) it would never come to a report: such a setup is refused.
+    /// Steps of the model that the monitor may take for each sample. With none it would never come to a report: such a setup
+    /// is refused.
     pub steps_per_sample: u16,
 }
 

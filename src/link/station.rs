@@ -2,9 +2,9 @@
 
 use super::frame::{Decoder, LONGEST, Received, encode};
 use super::message::{self, FAULTS, FromMonitor, ReportMessage, Setup, ToMonitor};
+use crate::integrate::Stepper;
 use crate::integrate::collocation::Collocation;
 use crate::integrate::exact::Exact;
-use crate::integrate::{LONGEST_PIECE, Stepper};
 use crate::model::state::{BASE_ORDER, FULL_ORDER};
 use crate::monitor::Monitor;
 use crate::monitor::report::Report;
@@ -94,8 +94,8 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const POPULATION: usize> Station<S, 
     #[inline(never)]
     fn set_up(&mut self, setup: &Setup) -> bool {
         let steps = setup.steps_per_sample.into();
-        let is_ready = steps >= LONGEST_PIECE
-            && setup.config().is_some_and(|config| self.monitor.configure(&config).is_ok());
+        let is_ready =
+            steps > 0 && setup.config().is_some_and(|config| self.monitor.configure(&config).is_ok());
         if is_ready {
             self.steps_per_sample = steps;
         }

@@ -23,7 +23,7 @@
 //! besides. If no fault is told, the window is called uninformative and nothing is claimed.
 //!
 //! **What it costs.** [`Monitor::poll`] never takes more steps of the model than it is allowed, and stops inside a
-//! sample if it must.
+//! sample if it must. Up to [`LONGEST_PIECE`] of them cannot be parted.
 
 mod alarm;
 mod analysis;
@@ -41,7 +41,7 @@ mod window;
 pub use snapshot::SnapshotError;
 
 use crate::fit::FRICTION_ERROR;
-use crate::integrate::Stepper;
+use crate::integrate::{LONGEST_PIECE, Stepper};
 use crate::parameter::Parameter;
 use alarm::{Evidence, log_likelihood_ratio, threshold};
 use analysis::{Analysis, Found, resolution};
@@ -120,6 +120,8 @@ pub struct Monitor<S, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     samples: u32,
     exclusions: Exclusions,
     outbox: Slot<Report<FAULTS>>,
+    /// Steps that calls of few had left.
+    saved: u32,
 }
 
 impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATION: usize>
@@ -154,6 +156,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
             samples: 0,
             exclusions: Exclusions::NONE,
             outbox: Slot::Empty,
+            saved: 0,
         }
     }
 
@@ -186,7 +189,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         }
         self.second_fills = false;
         self.screen = Screen::NEW;
-        (self.number, self.analysed, self.latency) = (0, 0, 0);
+        (self.number, self.analysed, self.latency, self.saved) = (0, 0, 0, 0);
         (self.skipped, self.samples, self.exclusions) = (0, 0, Exclusions::NONE);
         self.is_analysing = false;
         self.has_analysis = false;
@@ -219,7 +222,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
 
     /// Takes the samples that wait in the queue, and works on by at most `budget` steps of the model.
     ///
-    /// A budget below [`LONGEST_PIECE`](crate::integrate::LONGEST_PIECE) moves nothing.
+    /// Budgets below [`LONGEST_PIECE`] are saved up until the work moves on: such a call takes that many steps at most.
     pub fn poll(&mut self, outlet: &mut Outlet<'_>, budget: u32) -> Poll<FAULTS> {
         let waiting = outlet.len();
         let mut samples = 0;
@@ -257,16 +260,21 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         self.screen = screen;
     }
 
-    /// Works on by at most `budget` steps of the model: the steps that it took, and what there is to say.
+    /// Works on by at most `budget` steps of the model, saved up as for [`poll`](Self::poll) where they are few: the steps
+    /// that it took, and what there is to say.
     #[must_use = "a report is handed out once"]
     #[inline(never)]
     pub fn work(&mut self, budget: u32) -> (u32, Option<Report<FAULTS>>) {
-        let mut allowance = budget;
+        let allowance =
+            if budget < LONGEST_PIECE { (self.saved + budget).min(LONGEST_PIECE) } else { budget };
+        let mut left = allowance;
         // One report at a time.
         if self.is_analysing && self.outbox.get().is_none() {
-            self.analyse(&mut allowance);
+            self.analyse(&mut left);
         }
-        (budget - allowance, self.outbox.take())
+        // A budget of nothing stays one.
+        self.saved = left.min(LONGEST_PIECE - 1);
+        (allowance - left, self.outbox.take())
     }
 
     /// The window that fills.

@@ -33,16 +33,48 @@ fn reports(budget: u32, polls: u32, every: u32) -> Vec<Report<2>> {
 fn the_result_does_not_depend_on_how_the_work_is_cut() {
     let whole = reports(u32::MAX, 1, 1);
     assert_eq!(whole.len(), 4);
-    for (budget, polls, every) in
-        [(LONGEST_PIECE, 12, 1), (LONGEST_PIECE + 1, 8, 1), (57, 1, 2), (1000, 1, 50), (100_000, 1, 7)]
-    {
+    for (budget, polls, every) in [
+        (20, 12, 1),
+        (LONGEST_PIECE, 12, 1),
+        (LONGEST_PIECE + 1, 8, 1),
+        (57, 1, 2),
+        (1000, 1, 50),
+        (100_000, 1, 7),
+    ] {
         assert_eq!(
             reports(budget, polls, every)[..3],
             whole[..3],
             "{polls} times {budget} steps, {every} samples"
         );
     }
-    assert_eq!(reports(LONGEST_PIECE - 1, 100, 1), []);
+    assert_eq!(reports(0, 100, 1), []);
+}
+
+#[test]
+fn a_small_budget_is_saved_up_and_never_exceeded_in_sum() {
+    for budget in [1, 7, 20, LONGEST_PIECE - 1] {
+        let flown = Flown::new(21);
+        let mut flight = Flight::new(|sample| flown.at(sample), 21);
+        let mut monitor = monitor();
+        let (mut allowed, mut taken, mut reports) = (0, 0, 0_u32);
+        for sample in 0..5 * WINDOW as u32 {
+            monitor.take(&flight.next(HEALTHY));
+            // What is saved before there is work to do is less than a piece of it.
+            if sample < WINDOW as u32 {
+                assert_eq!(monitor.work(budget), (0, None));
+                continue;
+            }
+            let (steps, report) = monitor.work(budget);
+            (allowed, taken) = (allowed + budget, taken + steps);
+            reports += u32::from(report.is_some());
+            assert!(
+                steps <= LONGEST_PIECE && taken < allowed + LONGEST_PIECE,
+                "{budget}: {taken} of {allowed}"
+            );
+        }
+        // The first analysis takes between 4000 and 28,000 steps.
+        assert_eq!(reports > 0, budget > 1, "{budget}: {reports} reports of {allowed} steps");
+    }
 }
 
 #[test]
