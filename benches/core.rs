@@ -10,6 +10,7 @@ use eha_monitor::channel::Channel;
 use eha_monitor::fit::identify::{Identification, Settings};
 use eha_monitor::fit::problem::{Free, Problem, Record, Start};
 use eha_monitor::fit::walk::Walk;
+use eha_monitor::ga::{Settings as SearchSettings, SteadyState};
 use eha_monitor::integrate::Stepper;
 use eha_monitor::integrate::collocation::Collocation;
 use eha_monitor::integrate::exact::Exact;
@@ -49,8 +50,14 @@ fn sample(criterion: &mut Criterion) {
     for _ in 0..QUIET {
         walk.next(&record, &mut stepper);
     }
-    criterion.bench_function("quiet sample, f64", |bencher| {
-        bencher.iter(|| black_box(walk).next(&record, &mut stepper));
+    // So many that the copy of the walk does not count.
+    criterion.bench_function("100 quiet samples, f64", |bencher| {
+        bencher.iter(|| {
+            let mut walk = walk;
+            walk.lead_on(&record, &mut stepper, &mut [], 100, |_, outputs, _| {
+                black_box(outputs.user);
+            });
+        });
     });
 }
 
@@ -91,12 +98,17 @@ fn searches(criterion: &mut Criterion) {
         Problem { form: Form::default(), parameters: Parameters::default(), free: &free, records: &records };
     let search = || Identification::<f64, 2, 20>::new(&problem, Settings::default(), 1);
     criterion.bench_function("generation of 20", |bencher| {
-        bencher.iter(|| {
-            let (mut search, mut steppers) = (search(), vec![Exactly::new()]);
+        let mut generation = SteadyState::<f64, 2, 20>::new(SearchSettings::default(), free.len(), 1);
+        let mut stepper = Exactly::new();
+        let mut children = || {
             for _ in 0..20 {
-                search.advance(&problem, &mut steppers);
+                let genes = generation.ask();
+                generation.tell(problem.misfit(&genes, &mut stepper).mean_square());
             }
-        });
+        };
+        // The first ones make the matrices.
+        children();
+        bencher.iter(children);
     });
     criterion.bench_function("identification of two faults", |bencher| {
         bencher.iter(|| {
