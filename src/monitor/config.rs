@@ -54,7 +54,7 @@ pub struct Config<const FAULTS: usize> {
     pub form: Form,
     /// Parameters of the model, each in its range; the values of the faults are not used.
     pub parameters: Parameters<f32>,
-    /// Sample period, s.
+    /// Sample period, s: 0.1 to 10 ms.
     pub sample_period: f32,
     /// Does the command keep the value of a sample until the next one, as a converter does? Otherwise it goes from sample
     /// to sample in straight lines.

@@ -76,7 +76,7 @@ pub struct Poll<const FAULTS: usize> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Counters {
-    /// Samples that came.
+    /// Samples that came. It goes no further than `u32::MAX`: 49.7 days at 1 kHz.
     pub samples: u32,
     /// What was excluded of them.
     pub exclusions: Exclusions,

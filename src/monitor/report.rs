@@ -72,7 +72,7 @@ pub struct Report<const FAULTS: usize> {
     pub noise: [f32; 2],
     /// Mean of the residual of both: the offset of a sensor, or a constant load. Taken out before the fit.
     pub offset: [f32; 2],
-    /// How often the ram turned back by more than the noise shows, and how far it went in all, m.
+    /// How often the ram turned back by more than 20 um.
     pub reversals: u32,
     /// Path of the ram, m.
     pub travel: f32,
