@@ -219,7 +219,8 @@ impl<const FAULTS: usize> Config<FAULTS> {
     /// What a window takes: all that the sensor may make of a user position.
     #[inline(never)]
     pub(super) fn scale(&self) -> Scale {
-        let user = self.reach() + self.largest(Parameter::Backlash);
+        // The quarter holds most backlashes.
+        let user = self.reach().max(self.parameters.jack_stop + self.largest(Parameter::Backlash));
         let gain = 1.0 + self.largest(Parameter::SensorGain);
         let bent = 1.0 + self.largest(Parameter::SensorCubic) * user * user;
         let position = self.largest(Parameter::SensorOffset) + gain * user * bent;
