@@ -18,22 +18,23 @@ pub(crate) fn take() {
     flash();
 }
 
-/// A large frame.
+/// A large frame, of which its far end is used.
 #[cfg(feature = "negative-control-stack")]
 #[inline(never)]
 #[expect(clippy::large_stack_arrays, reason = "the overrun that the budget of the stack is to see")]
 fn stack() {
-    core::hint::black_box(&mut [core::hint::black_box(0_u32); WORDS]);
+    use core::mem::MaybeUninit;
+    let mut frame = [const { MaybeUninit::<u32>::uninit() }; WORDS];
+    frame[0].write(0);
+    core::hint::black_box(&mut frame);
 }
 
 /// A large variable. Beside the monitor for every rig there is no place for it: its room overruns that budget alone.
 #[cfg(all(feature = "negative-control-ram", not(feature = "any-rig")))]
 fn ram() {
-    use core::sync::atomic::{AtomicU32, Ordering};
+    use core::sync::atomic::AtomicU32;
     static BUFFER: [AtomicU32; WORDS] = [const { AtomicU32::new(0) }; WORDS];
-    for word in core::hint::black_box(&BUFFER) {
-        word.store(1, Ordering::Relaxed);
-    }
+    core::hint::black_box(&BUFFER);
 }
 
 /// A large table.
