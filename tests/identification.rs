@@ -315,51 +315,6 @@ fn an_offset_that_is_known_to_be_unknown_is_no_misfit() {
 }
 
 #[test]
-fn a_size_far_below_its_range_is_fitted_across_its_error() {
-    let (bkl, fdj) = (2e-4, 800.0);
-    let (samples, clean) = plant("mixed", bkl, fdj);
-    let trace = noisy(&clean, 7);
-    let records = [record(&samples, &trace, NOISY)];
-    let free = |widest: f64| {
-        let load = Free { parameter: Parameter::ConstantLoad, lower: -widest, upper: widest };
-        [FREE[0], FREE[1], load]
-    };
-    let finished = |widest: f64, is_sharp: bool| {
-        let free = free(widest);
-        let problem = Problem { free: &free, ..problem(&records) };
-        let genes = [free[0].gene(bkl), free[1].gene(1.1 * fdj), free[2].gene(30.0)];
-        let settings =
-            gauss_newton::Settings { steps: 24, tolerance: 0.05, ..gauss_newton::Settings::default() };
-        let mut steppers = vec![Stepper::new(); 4];
-        let found = if is_sharp {
-            gauss_newton::finish_sharply(&problem, &genes, &settings, 0.4, &mut steppers)
-        } else {
-            gauss_newton::finish(&problem, &genes, &settings, &mut steppers)
-        };
-        let errors = found.normal.standard_errors().expect("told");
-        let there = problem.misfit(&found.genes, &mut steppers[0]).chi_square;
-        assert!(
-            (found.misfit.chi_square / there - 1.0).abs() < 1e-9,
-            "{} and {there}",
-            found.misfit.chi_square
-        );
-        (found, errors[2] * free[2].range())
-    };
-    // Where the range is some errors wide, both are the same.
-    let (narrow, error) = finished(1e3, false);
-    let (wide, blunt) = finished(1e7, false);
-    let (sharp, of_sharp) = finished(1e7, true);
-    assert!((of_sharp / error - 1.0).abs() < 0.02, "{of_sharp:e} and {error:e}");
-    assert!((blunt / error - 1.0).abs() > 0.1, "{blunt:e} and {error:e}");
-    assert!(sharp.misfit.chi_square < narrow.misfit.chi_square + 0.05);
-    assert!(sharp.misfit.chi_square < wide.misfit.chi_square + 0.05);
-    let evaluations = [sharp, narrow, wide].map(|found| found.evaluations);
-    println!("evaluations: {evaluations:?}");
-    // One more set of slopes than in a narrow range.
-    assert!(evaluations[0] <= evaluations[1] + 3 && evaluations[2] > 5 * evaluations[0], "{evaluations:?}");
-}
-
-#[test]
 fn wrong_noise_and_wrong_data_are_seen() {
     let (bkl, fdj) = (2e-4, 800.0);
     let (samples, clean) = plant("mixed", bkl, fdj);

@@ -19,11 +19,6 @@ const CHUNK: usize = 16;
 /// Most steps that are tried at one place, each shorter than the one before.
 const ATTEMPTS: u32 = 6;
 
-/// By how much a difference may be wider than it is to be.
-const WIDER: f64 = 1.25;
-/// A step that promises to lower chi-square by this, in units of the mean square that is left, may be the last one.
-const MAY_BE_LAST: f64 = 10.0;
-
 /// How a finish is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings<T> {
@@ -54,43 +49,6 @@ pub enum Ending {
     Steps,
 }
 
-/// How the slopes of a finish are taken.
-trait Slopes<T, const GENES: usize> {
-    /// Is a step after which no slopes are needed only looked at? That takes one evaluation in place of one for each gene
-    /// and one more.
-    const LOOKS: bool;
-
-    /// Widths of the forward differences, given the slopes that are known.
-    fn widths(&self, known: &Normal<T, GENES>) -> [T; GENES];
-}
-
-/// All across the same part of the range.
-struct Same<T>(T);
-
-impl<T: Real, const GENES: usize> Slopes<T, GENES> for Same<T> {
-    const LOOKS: bool = false;
-
-    fn widths(&self, _known: &Normal<T, GENES>) -> [T; GENES] {
-        [self.0; GENES]
-    }
-}
-
-/// Across no more than a number of standard errors, once these are known.
-struct Sharp<T> {
-    widest: T,
-    in_errors: T,
-}
-
-impl<T: Real + RealField, const GENES: usize> Slopes<T, GENES> for Sharp<T> {
-    const LOOKS: bool = true;
-
-    fn widths(&self, known: &Normal<T, GENES>) -> [T; GENES] {
-        let left = known.misfit.mean_square().larger(T::ONE).root();
-        let errors = known.standard_errors().unwrap_or([T::ONE / T::ZERO; GENES]);
-        errors.map(|error| self.widest.smaller(self.in_errors * error * left))
-    }
-}
-
 /// Normal equations at one place: misfit, half gradient and half curvature of chi-square, in genes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Normal<T, const GENES: usize> {
@@ -110,9 +68,7 @@ const UNTOLD: f64 = 1e-6;
 pub struct Finish<T, const GENES: usize> {
     /// Genes.
     pub genes: [T; GENES],
-    /// Misfit there.
-    pub misfit: Misfit<T>,
-    /// Normal equations there, or where the last step began if that went as its slopes say.
+    /// Normal equations there.
     pub normal: Normal<T, GENES>,
     /// Evaluations of the model that it took.
     pub evaluations: u32,
@@ -120,7 +76,7 @@ pub struct Finish<T, const GENES: usize> {
     pub ending: Ending,
 }
 
-/// The normal equations at a place, with forward differences of one width.
+/// The normal equations at a place.
 ///
 /// `steppers` holds one stepper, shared in turns, or one for each model (`free + 1`): the latter is needed for speed
 /// where a free parameter reaches the transition matrices. It must not be empty.
@@ -128,20 +84,6 @@ pub fn normal_equations<T, S, const GENES: usize>(
     problem: &Problem<'_, T>,
     genes: &[T; GENES],
     difference: T,
-    steppers: &mut [S],
-) -> Normal<T, GENES>
-where
-    T: Real + RealField,
-    S: Stepper<T>,
-{
-    normal_equations_across(problem, genes, &[difference; GENES], steppers)
-}
-
-/// The same with a width for each gene.
-fn normal_equations_across<T, S, const GENES: usize>(
-    problem: &Problem<'_, T>,
-    genes: &[T; GENES],
-    differences: &[T; GENES],
     steppers: &mut [S],
 ) -> Normal<T, GENES>
 where
@@ -157,10 +99,8 @@ where
         ),
     };
     // Differences point inwards at the upper bound.
-    let widths: [T; GENES] = core::array::from_fn(|gene| {
-        let difference = differences[gene];
-        if genes[gene] + difference > T::ONE { -difference } else { difference }
-    });
+    let widths: [T; GENES] =
+        core::array::from_fn(|gene| if genes[gene] + difference > T::ONE { -difference } else { difference });
     let base = problem.model(genes);
     let neighbours: [Model<T>; GENES] = core::array::from_fn(|gene| {
         let mut moved = *genes;
@@ -467,54 +407,18 @@ where
     T: Real + RealField,
     S: Stepper<T>,
 {
-    descend(problem, genes, settings, &Same(settings.difference), steppers)
-}
-
-/// The same with differences that become as narrow as some standard errors of each gene, and fewer slopes for it: for a
-/// scalar whose rounding is far below what they change.
-pub fn finish_sharply<T, S, const GENES: usize>(
-    problem: &Problem<'_, T>,
-    genes: &[T; GENES],
-    settings: &Settings<T>,
-    in_errors: T,
-    steppers: &mut [S],
-) -> Finish<T, GENES>
-where
-    T: Real + RealField,
-    S: Stepper<T>,
-{
-    descend(problem, genes, settings, &Sharp { widest: settings.difference, in_errors }, steppers)
-}
-
-fn descend<T, S, L, const GENES: usize>(
-    problem: &Problem<'_, T>,
-    genes: &[T; GENES],
-    settings: &Settings<T>,
-    slopes: &L,
-    steppers: &mut [S],
-) -> Finish<T, GENES>
-where
-    T: Real + RealField,
-    S: Stepper<T>,
-    L: Slopes<T, GENES>,
-{
     let active = problem.free.len().min(GENES);
     let cost_of_normal = 1 + (0..active).filter(|&gene| !problem.is_output(gene)).count() as u32;
     let mut here = *genes;
-    let mut across = [settings.difference; GENES];
-    let mut normal = normal_equations_across(problem, &here, &across, steppers);
-    let mut reached = None;
+    let mut normal = normal_equations(problem, &here, settings.difference, steppers);
     let mut evaluations = cost_of_normal;
     let mut damping = T::literal(1e-4);
     let mut ending = Ending::Steps;
     // Where the model bends more than its slopes say, step after step leads uphill: after the first of them, a place is
     // looked at before its slopes are taken.
     let mut is_wary = false;
-    'steps: for step in 1..=settings.steps {
+    'steps: for _ in 0..settings.steps {
         let left = normal.misfit;
-        let unit = left.mean_square().larger(T::ONE);
-        let widths = slopes.widths(&normal);
-        let is_sharp = across.iter().zip(&widths).all(|(&used, &width)| used <= width * T::literal(WIDER));
         for attempt in 1..=ATTEMPTS {
             let Some((moved, promised)) = normal.step(&here, damping, active) else {
                 damping *= T::literal(100.0);
@@ -525,37 +429,19 @@ where
                 damping = shorter(damping);
                 continue;
             }
-            if promised <= settings.tolerance * unit {
-                if is_sharp {
-                    ending = Ending::Bottom;
-                    break 'steps;
-                }
-                normal = normal_equations_across(problem, &here, &widths, steppers);
-                evaluations += cost_of_normal;
-                across = widths;
-                continue 'steps;
+            if promised <= settings.tolerance * left.mean_square().larger(T::ONE) {
+                ending = Ending::Bottom;
+                break 'steps;
             }
             let is_lower = |there: Misfit<T>| there.chi_square < left.chi_square;
-            let is_last = L::LOOKS && step == settings.steps;
-            let may_be_last = L::LOOKS && is_sharp && promised <= T::literal(MAY_BE_LAST) * unit;
-            let mut leads_down = true;
-            if is_wary || is_last || may_be_last {
-                let there = problem.misfit_within(&moved, select(steppers, 0, true), left.chi_square);
-                evaluations += 1;
-                leads_down = is_lower(there);
-                let surprise = (left.chi_square - there.chi_square - promised).magnitude();
-                let is_bottom = may_be_last && surprise <= settings.tolerance * unit;
-                if leads_down && (is_last || is_bottom) {
-                    (here, reached) = (moved, Some(there));
-                    ending = if is_bottom { Ending::Bottom } else { Ending::Steps };
-                    break 'steps;
-                }
-            }
-            if leads_down {
-                let next = normal_equations_across(problem, &moved, &widths, steppers);
+            let mut look = || problem.misfit_within(&moved, select(steppers, 0, true), left.chi_square);
+            evaluations += u32::from(is_wary);
+            if !is_wary || is_lower(look()) {
+                let next = normal_equations(problem, &moved, settings.difference, steppers);
                 evaluations += cost_of_normal;
                 if is_lower(next.misfit) {
-                    (here, normal, across) = (moved, next, widths);
+                    here = moved;
+                    normal = next;
                     damping *= T::literal(0.1);
                     continue 'steps;
                 }
@@ -568,5 +454,5 @@ where
             }
         }
     }
-    Finish { genes: here, misfit: reached.unwrap_or(normal.misfit), normal, evaluations, ending }
+    Finish { genes: here, normal, evaluations, ending }
 }

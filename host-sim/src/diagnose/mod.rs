@@ -52,7 +52,7 @@ pub use case::{Case, EFFORT_BOUNDS_S, EFFORT_PER_SECOND};
 pub use diagnosis::{Diagnosis, Early, Fault, Found, Score, Verdict, score};
 pub use side::Side;
 
-use crate::fit::{self, FitSettings, Prepared, WORTH_A_STEP};
+use crate::fit::{self, FitSettings, Prepared};
 use crate::interrupt;
 use between::{Between, Jumping};
 use progress::{Log, Progress, Watch};
@@ -67,8 +67,6 @@ const TIMING_EFFORT: f64 = 0.2;
 /// Diagnoses a case, as far as its effort goes. `watch` is told where it stands.
 pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
     let log = Log::new(watch);
-    // What is found is fitted on.
-    let settings = &FitSettings { tolerance: WORTH_A_STEP, ..*settings };
     let cut = AtomicBool::new(false);
     let diagnosis = in_each_way(&Case { progress: Progress::of(&log), cut: Some(&cut), ..*case }, settings);
     let early = if interrupt::requested() {

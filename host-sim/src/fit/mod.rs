@@ -36,7 +36,7 @@ pub use noise::{
     pooled, present, quantum, residual_series, rms,
 };
 pub use periodogram::{periodograms, strongest_tone};
-pub use polish::{Polished, WORTH_A_STEP, approach, foresee, misfit, misfit_within, polish};
+pub use polish::{Polished, approach, foresee, misfit, misfit_within, polish};
 pub use prepare::{Prepared, Steps, prepare, prepare_with};
 pub use reading::{AsRead, Reading, fit_as_read, is_command_late, on_path, speaks_for};
 pub use result::Fit;

@@ -3,7 +3,7 @@
 use super::engine::{FIT_TOLERANCE, Job, LOOK_TOLERANCE, on_records};
 use super::{MAX_FREE, Prepared};
 use crate::rig::{Range, Rig};
-use eha_monitor::fit::gauss_newton::{Finish, Normal, Settings, finish, finish_sharply, normal_equations};
+use eha_monitor::fit::gauss_newton::{Normal, Settings, finish, normal_equations};
 use eha_monitor::fit::problem::{Misfit, Problem};
 use eha_monitor::integrate::Stepper;
 use nalgebra::{DMatrix, SMatrix};
@@ -52,13 +52,15 @@ impl Polished {
 }
 
 /// A step is made if it promises to lower chi-square by this much, in units of the mean square that is left.
-pub const WORTH_A_STEP: f64 = 0.05;
-/// Widest forward difference, in standard errors of the parameter: an effect can be a ten-thousandth of the range in which
-/// it is looked for.
-const WIDEST_DIFFERENCE: f64 = 0.4;
-/// Most steps to the bottom: a record whose command amplifies an error that was within the interval of the others may ask for
-/// a long way.
-const MOST_STEPS: u32 = 24;
+const WORTH_A_STEP: f64 = 0.05;
+/// Widest forward difference, in standard errors of the parameter: what is found with a wider one is fitted again in a
+/// narrower range. An effect can be a ten-thousandth of the range in which it is looked for.
+const WIDEST_DIFFERENCE: f64 = 0.5;
+/// Half width of that range, in standard errors.
+const NARROW: f64 = 100.0;
+/// Most narrower ranges, one around what the last one gave: a record whose command amplifies an error that was within
+/// the interval of the others may ask for a long way in its own.
+const MOST_NARROWED: usize = 8;
 
 /// Some steps towards the bottom of the basin, with the tolerance of a look.
 pub fn approach(
@@ -68,13 +70,47 @@ pub fn approach(
     records: &[Prepared],
     steps: u32,
 ) -> Option<Polished> {
-    on_records(rig, ranges, records, LOOK_TOLERANCE, Polish { start, steps, is_sharp: false })
+    on_records(rig, ranges, records, LOOK_TOLERANCE, Polish { start, steps })
 }
 
 /// Goes to the bottom of the basin; none where the records hold nothing to compare.
 pub fn polish(rig: &Rig, ranges: &[Range], start: &[f64], records: &[Prepared]) -> Option<Polished> {
-    let job = Polish { start, steps: MOST_STEPS, is_sharp: true };
-    on_records(rig, ranges, records, FIT_TOLERANCE, job)
+    let settings = Settings::<f64>::default();
+    let go = |ranges: &[Range], start: &[f64]| {
+        on_records(rig, ranges, records, FIT_TOLERANCE, Polish { start, steps: settings.steps })
+    };
+    let mut found = go(ranges, start)?;
+    for _ in 0..MOST_NARROWED {
+        let narrow: Vec<Range> =
+            ranges.iter().enumerate().map(|(index, range)| narrowed(*range, &found, index)).collect();
+        if narrow == ranges {
+            break;
+        }
+        let before = found.evaluations;
+        found = go(&narrow, &found.values)?;
+        found.evaluations += before;
+        let at_an_edge = ranges.iter().zip(&narrow).zip(&found.values).any(|((range, narrow), value)| {
+            let [below, above] = narrow.at_edge(*value);
+            (below && narrow.lower > range.lower) || (above && narrow.upper < range.upper)
+        });
+        if !at_an_edge {
+            break;
+        }
+    }
+    Some(found)
+}
+
+/// A range in which the forward difference of a fit is small against the error of what was found.
+fn narrowed(range: Range, found: &Polished, index: usize) -> Range {
+    let value = found.values[index];
+    let error = found.standard_error(index) * found.misfit.mean_square().max(1.0).sqrt();
+    let difference = Settings::<f64>::default().difference * (range.upper - range.lower);
+    if error > 0.0 && difference > WIDEST_DIFFERENCE * error {
+        let (lower, upper) = (value - NARROW * error, value + NARROW * error);
+        Range { lower: lower.max(range.lower), upper: upper.min(range.upper), ..range }
+    } else {
+        range
+    }
 }
 
 /// What the linear model at a start foresees, without going there: one evaluation of the normal equations. None where
@@ -178,8 +214,6 @@ struct Polish<'a> {
     start: &'a [f64],
     /// Most steps.
     steps: u32,
-    /// Are the forward differences to be narrow against the errors?
-    is_sharp: bool,
 }
 
 impl Job for Polish<'_> {
@@ -188,12 +222,9 @@ impl Job for Polish<'_> {
     fn run<S: Stepper<f64>>(self, problem: &Problem<'_, f64>, steppers: &mut [S]) -> Self::Output {
         let genes = genes_of(problem, self.start);
         let settings = Settings { tolerance: WORTH_A_STEP, steps: self.steps, ..Settings::default() };
-        let Finish { genes, misfit, normal, evaluations, .. } = if self.is_sharp {
-            finish_sharply(problem, &genes, &settings, WIDEST_DIFFERENCE, steppers)
-        } else {
-            finish(problem, &genes, &settings, steppers)
-        };
-        (misfit.count > 0).then(|| polished(problem, &genes, &normal, misfit, evaluations))
+        let found = finish(problem, &genes, &settings, steppers);
+        let misfit = found.normal.misfit;
+        (misfit.count > 0).then(|| polished(problem, &found.genes, &found.normal, misfit, found.evaluations))
     }
 }
 

@@ -24,19 +24,12 @@ pub struct FitSettings {
     pub population: usize,
     /// Most evaluations of the model in one search; a finish that has begun is completed.
     pub budget: u32,
-    /// A step of a finish is made if it promises to lower chi-square by this much, in units of the mean square that is left.
-    pub tolerance: f64,
 }
 
 impl Default for FitSettings {
     fn default() -> Self {
         let search = identify::Settings::<f64>::default();
-        Self {
-            seed: 1,
-            population: search.search.population,
-            budget: search.budget,
-            tolerance: search.finish.tolerance,
-        }
+        Self { seed: 1, population: search.search.population, budget: search.budget }
     }
 }
 
@@ -159,7 +152,6 @@ fn search<S: Stepper<f64>>(
     let started = Instant::now();
     let mut core_settings = identify::Settings { budget: settings.budget, ..identify::Settings::default() };
     core_settings.search.population = settings.population;
-    core_settings.finish.tolerance = settings.tolerance;
     let mut identification =
         Identification::<f64, MAX_FREE, MAX_POPULATION>::new(problem, core_settings, settings.seed);
     if let Some(values) = near {

@@ -322,12 +322,7 @@ fn fit_records(
     record_notes.extend(common_samples(common, &given, records.len())?);
     let noise_source = fit::noise_source(&rig, &records);
     let prepared: Vec<Prepared> = records.iter().map(|record| fit::prepare(&rig, record)).collect();
-    let settings = FitSettings {
-        seed: common.seed,
-        population: options.population,
-        budget: options.budget,
-        ..FitSettings::default()
-    };
+    let settings = FitSettings { seed: common.seed, population: options.population, budget: options.budget };
     let bar = output::bar(common, u64::from(options.budget), "identifying", Time::Left);
     let show = |standing| output::show_standing(&bar, standing);
     let tell = |what: &str| bar.suspend(|| output::log(common, what));
