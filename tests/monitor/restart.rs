@@ -48,18 +48,22 @@ fn a_restored_monitor_goes_on_with_the_same_bits() {
     assert_eq!(reports(&[1, 999, 1003, 1010, 2500, 4025]), whole);
 }
 
+/// A monitor that has seen the first samples of a flight with some faults.
+fn after(samples: u32, flown: &Flown, seed: u64, faults: [f32; 2]) -> Box<TestMonitor> {
+    let mut flight = Flight::new(|sample| flown.at(sample), seed);
+    let mut monitor = monitor();
+    for _ in 0..samples {
+        feed(&mut monitor, &flight.next(faults));
+    }
+    monitor
+}
+
 #[test]
 fn a_window_is_not_joined_to_what_comes_after_an_outage() {
-    let flown = Flown::lively(34);
-    let mut flight = Flight::new(|sample| flown.at(sample), 34);
-    let mut monitor = monitor();
-    for _ in 0..2500 {
-        feed(&mut monitor, &flight.next(ALARMED));
-    }
-    let bytes = snapshot(&mut monitor);
+    let bytes = snapshot(&mut after(2500, &Flown::lively(34), 34, ALARMED));
     // An hour later, at another place; the ticks go on after those of the snapshot, or nearly so.
     for missed in [1, 5, 20] {
-        let mut monitor = self::monitor();
+        let mut monitor = monitor();
         monitor.restore(&bytes).expect("its own snapshot");
         let later = Flown::lively(35);
         let mut flight = Flight::new(|sample| 0.05 + later.at(sample), 35);
@@ -84,12 +88,7 @@ fn a_window_is_not_joined_to_what_comes_after_an_outage() {
 
 #[test]
 fn a_damaged_snapshot_is_refused_and_changes_nothing() {
-    let flown = Flown::new(32);
-    let mut flight = Flight::new(|sample| flown.at(sample), 32);
-    let mut monitor = monitor();
-    for _ in 0..1500 {
-        feed(&mut monitor, &flight.next(HEALTHY));
-    }
+    let mut monitor = after(1500, &Flown::new(32), 32, HEALTHY);
     let good = snapshot(&mut monitor);
     let mut other = self::monitor();
     let untouched = snapshot(&mut other);

@@ -155,15 +155,10 @@ impl Diagnosis {
 
     /// The measured channels that were compared, with their noise: root mean square over the fitted records.
     pub fn channels(&self) -> impl Iterator<Item = (usize, &'static ChannelInfo, f64)> {
+        let [before, _] = self.train;
         let of_all = Channel::MEASURED.into_iter().zip(self.noise).enumerate();
-        let is_compared = |(index, (_, noise)): &(usize, (Channel, f64))| {
-            noise.is_finite() && self.train[0].rms[*index].is_finite()
-        };
-        of_all
-            .filter(is_compared)
-            .map(|(index, (channel, noise))| (index, channel.info(), noise))
-            .collect::<Vec<_>>()
-            .into_iter()
+        let of_all = of_all.map(|(index, (channel, noise))| (index, channel.info(), noise));
+        of_all.filter(move |&(index, _, noise)| noise.is_finite() && before.rms[index].is_finite())
     }
 
     /// What the search took, s of one core: see [`fit::spent_s`].

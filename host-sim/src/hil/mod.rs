@@ -31,7 +31,8 @@ const SLOTS: usize = 8;
 /// Steps of the model that the monitor may take for each sample: an eighth of the processor at 480 MHz.
 pub const STEPS_PER_SAMPLE: u16 = 100;
 /// Said where the monitor at the other end does not take the rig.
-const REFUSED: &str = "the monitor at the other end refuses this rig: one that is not piecewise affine needs the image for every rig (`any-rig`)";
+const REFUSED: &str = "the monitor at the other end refuses this rig: one that is not piecewise affine needs the image for \
+                       every rig (`any-rig`)";
 
 /// The images of the firmware's monitor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -189,6 +189,8 @@ pub struct Facts {
 
 /// Travel, in standard deviations of the noise, that is no motion: what noise alone has in a million samples.
 const STILL_SIGMA: f64 = 12.0;
+/// How far a position must go back for that to be a reversal, in standard deviations of the noise.
+const TURN_SIGMA: f64 = 8.0;
 /// Time over which a speed is taken, s.
 const SPEED_S: f64 = 0.01;
 
@@ -245,14 +247,9 @@ fn motion(position: &[f64], period: f64, noise: f64) -> Motion {
     Motion {
         travel_m: high - low,
         top_speed_m_s: top / (reach as f64 * period),
-        reversals: reversals(&values, turns_from([low, high], noise)),
+        reversals: reversals(&values, (TURN_SIGMA * noise).max(0.01 * (high - low))),
         rest_share: resting as f64 / moves.len().max(1) as f64,
     }
-}
-
-/// By how much a position that moves between two values must go back for that to be a reversal.
-fn turns_from([low, high]: [f64; 2], noise: f64) -> f64 {
-    (8.0 * noise).max(0.01 * (high - low))
 }
 
 /// Turning points of a series, of more than `least` each.

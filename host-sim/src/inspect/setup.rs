@@ -5,8 +5,9 @@
 
 use super::likeness::{correlation, likeness, response, slope};
 use super::slack::left_behind;
-use super::{reversals, turns_from};
-use crate::fit;
+use super::{Motion, TURN_SIGMA, motion};
+use crate::fit::measured::USER;
+use crate::fit::{self, Prepared};
 use crate::output::quantity;
 use crate::record::Record;
 use crate::record::units::{Unit, units_of};
@@ -16,6 +17,7 @@ use eha_monitor::model::Drive;
 use eha_monitor::parameter::Parameter;
 use std::iter;
 use std::ops::RangeInclusive;
+use std::slice;
 
 /// Correlation from which on two series are the same motion, and below which they are not.
 const ALIKE: f64 = 0.9;
@@ -68,18 +70,19 @@ const fn likely(channel: Channel) -> RangeInclusive<f64> {
 
 /// What the user should look at before anything is fitted.
 pub(crate) fn remarks(rig: &Rig, record: &Record) -> Vec<String> {
+    let noise = fit::noise_of(rig, record);
+    let prepared = fit::prepare_with(rig, record, noise);
     [
-        idle_drive,
-        late_start,
-        never_turns,
-        clipped,
-        beyond_stop,
-        ahead,
-        ram_behind_user,
-        beyond_faults,
-        against_model,
+        idle_drive(rig, record),
+        late_start(&prepared),
+        never_turns(rig, record, noise[USER]),
+        clipped(rig, record),
+        beyond_stop(rig, record),
+        ahead(rig, record),
+        ram_behind_user(record, noise),
+        beyond_faults(rig, record, &prepared),
+        against_model(rig, record, &prepared),
     ]
-    .map(|look| look(rig, record))
     .concat()
 }
 
@@ -98,8 +101,7 @@ fn idle_drive(rig: &Rig, record: &Record) -> Vec<String> {
 }
 
 /// A record, or a stretch of it, that does not start at rest where it is told to, or nobody knows where.
-fn late_start(rig: &Rig, record: &Record) -> Vec<String> {
-    let prepared = fit::prepare_with(rig, record, fit::noise_of(rig, record));
+fn late_start(prepared: &Prepared) -> Vec<String> {
     let settling = prepared.settling_s();
     let blind = (prepared.unstarted > 0).then(|| {
         format!(
@@ -118,13 +120,11 @@ fn late_start(rig: &Rig, record: &Record) -> Vec<String> {
     (settling > 0.0).then(remark).into_iter().chain(blind).collect()
 }
 
-/// A motion in one direction, where a backlash is asked for.
-fn never_turns(rig: &Rig, record: &Record) -> Vec<String> {
+/// A motion in one direction, where a backlash is asked for; `noise` is that of the user position, m.
+fn never_turns(rig: &Rig, record: &Record, noise: f64) -> Vec<String> {
     let position = record.channel(Channel::UserPosition).unwrap_or_default();
-    let present: Vec<f64> = position.iter().copied().filter(|value| value.is_finite()).collect();
-    let extent = fit::extent(&present);
-    let least = turns_from(extent, fit::noise_of(rig, record)[0]);
-    let is_one_way = extent[1] - extent[0] > least && reversals(&present, least) == 0;
+    let Motion { travel_m, reversals, .. } = motion(position, record.sample_period_s(), noise);
+    let is_one_way = travel_m > TURN_SIGMA * noise && reversals == 0;
     let remark =
         "the ram never turns: backlash does not show without a reversal, only as a zero of the sensor would";
     (is_one_way && range_of(rig, Parameter::Backlash).is_some())
@@ -211,18 +211,17 @@ fn ahead(rig: &Rig, record: &Record) -> Vec<String> {
 
 /// A position that is later than the model with any of its faults, or beside where any of them leaves it. What else is
 /// free in a rig may be the reason.
-fn beyond_faults(rig: &Rig, record: &Record) -> Vec<String> {
+fn beyond_faults(rig: &Rig, record: &Record, prepared: &Prepared) -> Vec<String> {
     if rig.form.drive != Drive::Valve || !rig.free.is_empty() {
         return Vec::new();
     }
     let [position, command] =
         [Channel::UserPosition, Channel::Command].map(|of| record.channel(of).unwrap_or_default());
     let period = record.sample_period_s();
-    let prepared = [fit::prepare_with(rig, record, fit::noise_of(rig, record))];
     let delay = |position: &[f64]| response(&likeness(position, command, period), period);
     let mut answered = |rig: &Rig| {
         let answer: Vec<f64> =
-            fit::glimpse(rig, &prepared).concat().iter().map(|output| output.user).collect();
+            fit::glimpse(rig, slice::from_ref(prepared)).concat().iter().map(|output| output.user).collect();
         Answer {
             delay_s: delay(&answer).map_or(0.0, |of| of.delay_s),
             beside: mean_difference(position, &answer),
@@ -318,10 +317,9 @@ fn mean_difference(one: &[f64], other: &[f64]) -> f64 {
 }
 
 /// A ram that has the play which the user's position has to have.
-fn ram_behind_user(rig: &Rig, record: &Record) -> Vec<String> {
+fn ram_behind_user(record: &Record, noise: [f64; Channel::MEASURED.len()]) -> Vec<String> {
     let pair = [Channel::UserPosition, Channel::RamPosition];
     let [user, ram] = pair.map(|channel| record.channel(channel).unwrap_or_default());
-    let noise = fit::noise_of(rig, record);
     let of_noise: f64 = iter::zip(Channel::MEASURED, noise)
         .filter(|(channel, noise)| pair.contains(channel) && noise.is_finite())
         .map(|(_, noise)| noise * noise)
@@ -356,7 +354,7 @@ struct Beside<'a> {
 }
 
 /// The measured channels that the model, at the rig's values, says something of.
-fn beside<'a>(rig: &Rig, record: &'a Record) -> Vec<Beside<'a>> {
+fn beside<'a>(rig: &Rig, record: &'a Record, prepared: &Prepared) -> Vec<Beside<'a>> {
     let measured = rig.measurable().iter().filter_map(|&channel| Some((channel, record.channel(channel)?)));
     if rig.form.drive == Drive::Force && rig.controller.is_none() {
         // An open loop follows the record, whatever it is.
@@ -365,13 +363,10 @@ fn beside<'a>(rig: &Rig, record: &'a Record) -> Vec<Beside<'a>> {
             .map(|(channel, measured)| Beside { channel, measured, model: command.to_vec() })
             .collect();
     }
-    let prepared = fit::prepare_with(rig, record, fit::noise_of(rig, record));
-    let outputs = fit::glimpse(rig, &[prepared]).concat();
+    let outputs = fit::glimpse(rig, slice::from_ref(prepared)).concat();
     // With an unknown gain of the controller goes an unknown current.
-    let is_unknown = |channel: Channel| {
-        channel == Channel::Current
-            && rig.free.iter().any(|range| range.parameter == Parameter::ProportionalGain)
-    };
+    let is_unknown =
+        |channel: Channel| channel == Channel::Current && rig.is_free(Parameter::ProportionalGain);
     iter::zip(Channel::MEASURED, 0..)
         .filter_map(|(channel, index): (Channel, usize)| {
             let measured = record.channel(channel).filter(|_| !is_unknown(channel))?;
@@ -382,8 +377,8 @@ fn beside<'a>(rig: &Rig, record: &'a Record) -> Vec<Beside<'a>> {
 }
 
 /// Channels whose sign, size or name is another one.
-fn against_model(rig: &Rig, record: &Record) -> Vec<String> {
-    let all = beside(rig, record);
+fn against_model(rig: &Rig, record: &Record, prepared: &Prepared) -> Vec<String> {
+    let all = beside(rig, record, prepared);
     let mut found = Vec::new();
     let mut swapped = Vec::new();
     for (place, one) in all.iter().enumerate() {

@@ -162,9 +162,9 @@ pub(super) fn magnitude(info: &ChannelInfo, series: &Series) -> Option<(usize, S
     if largest <= info.plausible {
         return None;
     }
-    let whole = series.values.iter().filter(|value| !value.is_nan()).all(|value| value.fract() == 0.0);
-    let counts = whole && !is_time && largest > COUNTS_FROM * info.plausible;
     let present = || series.values.iter().filter(|value| !value.is_nan());
+    let whole = present().all(|value| value.fract() == 0.0);
+    let counts = whole && !is_time && largest > COUNTS_FROM * info.plausible;
     let above = present().filter(|value| (*value - origin).abs() > info.plausible).count();
     let is_rare = !is_time && (above as f64) < RARE * present().count() as f64;
     let found = Excess::Magnitude { largest, limit: info.plausible, rare: is_rare.then_some(above as u32) };

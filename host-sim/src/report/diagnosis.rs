@@ -9,10 +9,11 @@ use super::rows::{Row, Rows, Shape};
 use super::scale::{Axis, shown};
 use super::search::search;
 use crate::diagnose::description::Description;
-use crate::diagnose::{Diagnosis, Score, Side, Verdict};
+use crate::diagnose::{Diagnosis, Fault, Score, Side, Verdict};
 use crate::fit::{self, Estimate, FitSettings, LoopScore, Prepared};
 use crate::record::Record;
 use crate::rig::{Range, Rig};
+use eha_monitor::channel::ChannelInfo;
 use eha_monitor::model::state::Outputs;
 use maud::{Markup, html};
 use serde_json::Value;
@@ -263,27 +264,32 @@ fn errors(diagnosis: &Diagnosis) -> Markup {
     bars("Error of the user position, before and after", ("residual, rms", "m"), &groups, noise, true)
 }
 
-/// What is left of each channel, where there is more than the user position.
+/// What is left of each channel, before and after, beside its noise: the columns and a row for each channel, as `quantity`
+/// writes a value in a unit. None where the user position is all that was compared.
+pub(crate) fn channel_rows(
+    diagnosis: &Diagnosis,
+    quantity: fn(f64, &str) -> String,
+) -> Option<(Vec<String>, Vec<Vec<String>>)> {
+    let parts = of_parts(&[Some(diagnosis.train), diagnosis.holdout], Some);
+    let of_part = |(part, _): &(&str, [Score; 2])| {
+        let part = part.trim_end_matches(" records");
+        ["before", "after"].map(|when| format!("{part}, {when}"))
+    };
+    let columns = ["channel", "noise"].map(str::to_owned).into_iter().chain(parts.iter().flat_map(of_part));
+    let row = |(channel, info, noise): (usize, &ChannelInfo, f64)| {
+        let left = parts.iter().flat_map(|(_, scores)| scores.map(|score| score.rms[channel]));
+        let numbers = iter::once(noise).chain(left).map(|value| quantity(value, info.unit));
+        iter::once(info.column.to_owned()).chain(numbers).collect()
+    };
+    let rows: Vec<Vec<String>> = diagnosis.channels().map(row).collect();
+    (rows.len() > 1).then(|| (columns.collect(), rows))
+}
+
 fn channels(diagnosis: &Diagnosis) -> Markup {
-    let of_parts = of_parts(&[Some(diagnosis.train), diagnosis.holdout], Some);
-    let header: Vec<String> = ["channel", "noise"]
-        .map(str::to_owned)
-        .into_iter()
-        .chain(of_parts.iter().flat_map(|(part, _)| {
-            ["before", "after"].map(|when| format!("{}, {when}", part.trim_end_matches(" records")))
-        }))
-        .collect();
-    let rows: Vec<Vec<String>> = diagnosis
-        .channels()
-        .map(|(channel, info, noise)| {
-            let left = of_parts.iter().flat_map(|(_, scores)| scores.map(|score| score.rms[channel]));
-            let numbers = iter::once(noise).chain(left).map(|value| shown(value, info.unit));
-            iter::once(info.column.to_owned()).chain(numbers).collect()
-        })
-        .collect();
-    let header: Vec<&str> = header.iter().map(String::as_str).collect();
     html! {
-        @if rows.len() > 1 { (table("Residual of each channel, rms", "", &header, &rows, true)) }
+        @if let Some((columns, rows)) = channel_rows(diagnosis, shown) {
+            (table("Residual of each channel, rms", "", &columns.iter().map(String::as_str).collect::<Vec<_>>(), &rows, true))
+        }
     }
 }
 
@@ -344,14 +350,13 @@ fn estimates(diagnosis: &Diagnosis) -> Markup {
         .map(|(index, (after, before))| {
             let info = after.parameter.info();
             let q = |value| shown(value, info.unit);
-            let mixed_up = diagnosis.faults.get(index);
+            let mixed_up = |fault: &Fault| diagnosis.names_or(&fault.confounded_with, "-");
             vec![
                 info.name.to_owned(),
                 q(before.value),
                 q(after.value),
                 format!("{} to {}", q(after.ci95[0]), q(after.ci95[1])),
-                mixed_up
-                    .map_or_else(|| "-".to_owned(), |fault| diagnosis.names_or(&fault.confounded_with, "-")),
+                diagnosis.faults.get(index).map_or_else(|| "-".to_owned(), mixed_up),
             ]
         })
         .collect();

@@ -24,7 +24,7 @@ mod search;
 mod statistics;
 mod surface;
 
-pub(crate) use diagnosis::{Diagnosed, FITTED, HELD_OUT, OfParts, PARTS, diagnosis, name_of};
+pub(crate) use diagnosis::{Diagnosed, FITTED, HELD_OUT, OfParts, PARTS, channel_rows, diagnosis, name_of};
 pub(crate) use identification::{Identified, identification};
 pub(crate) use inspection::inspection;
 pub(crate) use reproduction::{Portrait, Reproduced, reproduction};

@@ -137,6 +137,11 @@ impl Rig {
             .collect()
     }
 
+    /// Does it leave a parameter free?
+    pub fn is_free(&self, parameter: Parameter) -> bool {
+        self.free.iter().any(|range| range.parameter == parameter)
+    }
+
     /// What a diagnosis fits before it adds anything: the faults, then the other free parameters.
     pub fn declared(&self) -> Vec<Range> {
         let mut ranges = self.faults.clone();

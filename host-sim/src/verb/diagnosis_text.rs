@@ -5,11 +5,10 @@ use crate::diagnose::{Diagnosis, Score, residual, score};
 use crate::fit::{self, Estimate, LoopScore};
 use crate::output::{self, effects_in_words};
 use crate::record::Record;
-use crate::report::{FITTED, HELD_OUT, OfParts, PARTS, name_of};
+use crate::report::{FITTED, HELD_OUT, OfParts, PARTS, channel_rows, name_of};
 use comfy_table::Table;
 use serde_json::Value;
 use std::fmt::Write as _;
-use std::iter;
 use std::slice;
 
 /// Marks of a residual over time, one for each of as many steps up to the largest.
@@ -114,7 +113,11 @@ impl Job<'_> {
                 );
             }
         }
-        channels_text(diagnosis, &mut text);
+        if let Some((columns, rows)) = channel_rows(diagnosis, output::quantity) {
+            let mut table = output::table(columns);
+            table.add_rows(rows);
+            let _ = writeln!(text, "\nresidual of each channel, rms:\n{table}");
+        }
         self.residual_text(diagnosis, &mut text);
         self.closed_loop_text(loops, &mut text);
         for table in tables(diagnosis) {
@@ -153,26 +156,6 @@ impl Job<'_> {
         );
         text
     }
-}
-
-/// What is left of each channel, where there is more than the user position.
-fn channels_text(diagnosis: &Diagnosis, text: &mut String) {
-    if diagnosis.channels().count() < 2 {
-        return;
-    }
-    let of_parts = [Some(diagnosis.train), diagnosis.holdout];
-    let columns = PARTS.into_iter().zip(of_parts).filter(|(_, scores)| scores.is_some());
-    let columns = columns.flat_map(|(part, _)| {
-        ["before", "after"].map(|when| format!("{}, {when}", part.trim_end_matches(" records")))
-    });
-    let header: Vec<String> = ["channel", "noise"].map(str::to_owned).into_iter().chain(columns).collect();
-    let mut table = output::table(header);
-    for (channel, info, noise) in diagnosis.channels() {
-        let left = of_parts.into_iter().flatten().flatten().map(|score| score.rms[channel]);
-        let numbers = iter::once(noise).chain(left).map(|value| output::quantity(value, info.unit));
-        table.add_row(iter::once(info.column.to_owned()).chain(numbers));
-    }
-    let _ = writeln!(text, "\nresidual of each channel, rms:\n{table}");
 }
 
 /// The mark of a residual of which the largest is known; blank where there is none.

@@ -197,7 +197,7 @@ fn of_sensor(
     let in_record =
         |samples: Vec<usize>| -> Vec<usize> { samples.into_iter().map(|sample| fresh[sample]).collect() };
     let (mut stuck, mut spikes) = (in_record(stuck), in_record(spikes));
-    if channel == Channel::Current {
+    if channel == Channel::Current && !spikes.is_empty() {
         let asked = asked_current(rig, record);
         let current = record.channel(channel)?;
         let limit = rig.parameters.current_limit;
@@ -217,8 +217,7 @@ fn of_sensor(
 /// The current that a controller in proportion asks for where command and position are; empty where its gain is not known.
 fn asked_current(rig: &Rig, record: &Record) -> Vec<f64> {
     let Parameters { proportional_gain, current_limit, .. } = rig.parameters;
-    let is_known = rig.form.drive == Drive::Valve
-        && rig.free.iter().all(|range| range.parameter != Parameter::ProportionalGain);
+    let is_known = rig.form.drive == Drive::Valve && !rig.is_free(Parameter::ProportionalGain);
     let positions = [Channel::RamPosition, Channel::UserPosition].map(|of| record.channel(of));
     let command = record.channel(Channel::Command);
     let (Some(position), Some(command)) =
