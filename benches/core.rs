@@ -96,7 +96,8 @@ fn searches(criterion: &mut Criterion) {
         .with(Channel::Current, &truth.current, 0.02)];
     let problem =
         Problem { form: Form::default(), parameters: Parameters::default(), free: &free, records: &records };
-    let search = || Identification::<f64, 2, 20>::new(&problem, Settings::default(), 1);
+    let search =
+        || Identification::<f64, 2, 20>::new(&problem, Settings::default(), 1).expect("two are free");
     criterion.bench_function("generation of 20", |bencher| {
         let mut generation = SteadyState::<f64, 2, 20>::new(SearchSettings::default(), free.len(), 1);
         let mut stepper = Exactly::new();

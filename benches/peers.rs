@@ -145,7 +145,8 @@ fn ours(cases: &[Case]) -> Outcome {
         let started = Instant::now();
         let mut steppers = vec![Stepper::new()];
         let mut identification =
-            Identification::<f64, 2, 20>::new(&problem, Settings::default(), index as u64);
+            Identification::<f64, 2, 20>::new(&problem, Settings::default(), index as u64)
+                .expect("two are free");
         identification.run(&problem, &mut steppers);
         let seconds = started.elapsed().as_secs_f64();
         let genes = identification.result().map_or([0.0; 2], |finish| finish.genes);

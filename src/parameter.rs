@@ -137,7 +137,7 @@ parameters! {
     spool_rest_ratio SpoolRestRatio "" "1" 1.0 [1.0, 10.0] Constant "driving force at which the sliding spool comes to rest over its sliding friction, at most the breakaway friction";
     spool_stop SpoolStop "XSM" "m" 0.6e-3 [1e-5, 0.1] Constant "end stop of the spool";
     flow_asymmetry FlowAsymmetry "af" "1" 0.0 [-0.5, 0.5] Dynamics "opening of the spool times 1 + af sgn(XS)";
-    spool_overlap SpoolOverlap "OVL" "m" 0.0 [0.0, 1e-4] Constant "half width of the spool's dead zone";
+    spool_overlap SpoolOverlap "OVL" "m" 0.0 [0.0, 3e-4] Constant "half width of the spool's dead zone";
     valve_bandwidth ValveBandwidth "" "rad/s" 155.0 [1.0, 1e4] Dynamics "first-order valve: 1 over its lag";
     valve_rate_limit ValveRateLimit "" "m/s" 19.4e-3 [1e-4, 1e3] Constant "first-order valve: slew rate of the spool";
     supply_pressure SupplyPressure "PSR0" "Pa" 2e7 [1e5, 1e9] Dynamics "rated supply pressure over return";

@@ -1,17 +1,14 @@
-//! The scalar that the models are generic over.
-//!
-//! [`Scalar`] is what a block of the model needs: arithmetic and selection without a branch, so that a vector of
-//! lanes can implement it. [`Real`] adds a total decision (`bool` comparisons) for the code that branches: event
-//! location, search, estimation. It is implemented for `f32` and `f64`.
+//! The scalar that the models are generic over: `f32` on a microcontroller, `f64` on a host.
 
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// Arithmetic and branch-free selection.
-pub trait Scalar:
+/// What the model, the search and the estimates need of a scalar: `f32` or `f64`.
+pub trait Real:
     Copy
     + Debug
     + Default
+    + PartialOrd
     + Add<Output = Self>
     + Sub<Output = Self>
     + Mul<Output = Self>
@@ -22,9 +19,6 @@ pub trait Scalar:
     + MulAssign
     + 'static
 {
-    /// The result of a comparison, one truth value per lane.
-    type Mask: Copy;
-
     /// 0.
     const ZERO: Self;
     /// 1.
@@ -36,21 +30,17 @@ pub trait Scalar:
     fn magnitude(self) -> Self;
     /// Square root, correctly rounded.
     fn root(self) -> Self;
-    /// `self < other`, lane by lane.
-    fn is_less(self, other: Self) -> Self::Mask;
-    /// `if_true` where `mask` holds, else `if_false`.
-    fn select(mask: Self::Mask, if_true: Self, if_false: Self) -> Self;
 
-    /// The smaller of two values.
+    /// The smaller of two values; this one where one of them is no number.
     #[inline(always)]
     fn smaller(self, other: Self) -> Self {
-        Self::select(other.is_less(self), other, self)
+        if other < self { other } else { self }
     }
 
-    /// The larger of two values.
+    /// The larger of two values; this one where one of them is no number.
     #[inline(always)]
     fn larger(self, other: Self) -> Self {
-        Self::select(self.is_less(other), other, self)
+        if self < other { other } else { self }
     }
 
     /// `sat(self, limit)`: clamped to `[-limit, limit]`; `limit >= 0`.
@@ -58,10 +48,7 @@ pub trait Scalar:
     fn saturate(self, limit: Self) -> Self {
         self.smaller(limit).larger(-limit)
     }
-}
 
-/// A [`Scalar`] with one truth value: `f32` or `f64`.
-pub trait Real: Scalar<Mask = bool> + PartialOrd {
     /// An unsigned count as a scalar (exact up to 2^24 in `f32`).
     fn from_count(count: u32) -> Self;
     /// A setting that is kept in single precision.
@@ -114,7 +101,7 @@ pub trait Real: Scalar<Mask = bool> + PartialOrd {
 
 /// The sum of `sums[k] x^k`, in pairs, pairs of pairs and so on: no long chain of sums that wait for each other.
 #[inline(always)]
-fn polynomial<T: Scalar, const N: usize>(mut sums: [T; N], x: T) -> T {
+fn polynomial<T: Real, const N: usize>(mut sums: [T; N], x: T) -> T {
     let (mut power, mut count) = (x, N);
     while count > 1 {
         count /= 2;
@@ -151,8 +138,11 @@ series!(double_series, f64);
 
 macro_rules! scalar {
     ($float:ty, $sqrt:path, $series:ident) => {
-        impl Scalar for $float {
-            type Mask = bool;
+        #[allow(
+            clippy::cast_lossless,
+            reason = "one text for both precisions; the cast is lossless for `f64` only"
+        )]
+        impl Real for $float {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
 
@@ -168,21 +158,7 @@ macro_rules! scalar {
             fn root(self) -> Self {
                 $sqrt(self)
             }
-            #[inline(always)]
-            fn is_less(self, other: Self) -> bool {
-                self < other
-            }
-            #[inline(always)]
-            fn select(mask: bool, if_true: Self, if_false: Self) -> Self {
-                if mask { if_true } else { if_false }
-            }
-        }
 
-        #[allow(
-            clippy::cast_lossless,
-            reason = "one text for both precisions; the cast is lossless for `f64` only"
-        )]
-        impl Real for $float {
             const RESOLUTION: Self = <$float>::EPSILON;
             const EXPONENTIAL: [Self; 16] = $series(1.0, 0, 1);
             const COSINE: [Self; 8] = $series(-1.0, 0, 2);

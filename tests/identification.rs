@@ -82,7 +82,8 @@ fn problem<'a>(records: &'a [Record<'a, f64>]) -> Problem<'a, f64> {
 /// The whole identification from a seed.
 fn identify(problem: &Problem<'_, f64>, seed: u64) -> (Found, StopReason, u32) {
     let mut steppers = vec![Stepper::new()];
-    let mut identification = Identification::<f64, 2, 20>::new(problem, Settings::default(), seed);
+    let mut identification =
+        Identification::<f64, 2, 20>::new(problem, Settings::default(), seed).expect("two are free");
     let reason = identification.run(problem, &mut steppers);
     (*identification.result().expect("a finish was made"), reason, identification.evaluations())
 }
@@ -345,7 +346,7 @@ fn giving_up_on_a_candidate_changes_nothing_that_follows() {
     // One that is no number of whole groups.
     let mut settings = Settings::default();
     settings.search.population = 18;
-    let mut search = Identification::<f64, 2, 20>::new(&problem, settings, 1);
+    let mut search = Identification::<f64, 2, 20>::new(&problem, settings, 1).expect("two are free");
     let mut in_full = SteadyState::<f64, 2, 20>::new(settings.search, FREE.len(), 1);
     let (mut finishes, mut has_given_up) = (0, false);
     loop {

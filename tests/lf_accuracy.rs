@@ -75,6 +75,17 @@ fn exact_steps_meet_the_bar_with_the_user_fed_back() {
 }
 
 #[test]
+fn the_velocity_gain_acts_on_the_ram_whatever_is_fed_back() {
+    for name in ["mixed", "chirp"] {
+        let samples = command(name, 600);
+        let mut rig = rig(Feedback::User, 400.0, 2e-4);
+        rig.parameters.velocity_gain = 20.0;
+        let distance = rig.exact(&samples).distance(&rig.plant(&samples));
+        assert!(distance.within(&LIMIT), "{name}: {distance}");
+    }
+}
+
+#[test]
 fn other_valves_meet_the_bar() {
     for valve in [ValveForm::StaticFlapper, ValveForm::FirstOrder] {
         for name in ["mixed", "mixed-step", "sine"] {

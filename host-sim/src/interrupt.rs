@@ -2,27 +2,37 @@
 
 use crate::failure::Failure;
 use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::flag::{register, register_conditional_shutdown};
+use signal_hook::iterator::Signals;
+use std::process;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, LazyLock};
+use std::thread;
+use std::time::{Duration, Instant};
 
 /// Exit code after an interrupt, as shells count the signal.
 pub const EXIT_CODE: u8 = 130;
 
-static REQUESTED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
+/// Within this time after the first signal, another one is the same: `timeout` sends its own to the program and then to all
+/// that it started, the program among them.
+const SAME_SIGNAL: Duration = Duration::from_millis(300);
 
-/// From now on, the first of these signals asks searches to end, and a second one ends the program. For verbs that ask
-/// [`requested`]; the others are ended by the first.
+static REQUESTED: AtomicBool = AtomicBool::new(false);
+
+/// From now on, the first of these signals asks searches to end, and one that comes later ends the program. For verbs that
+/// ask [`requested`]; the others are ended by the first.
 ///
 /// # Errors
 /// The system does not let the program watch for them.
 pub fn watch() -> Result<(), Failure> {
-    for signal in [SIGINT, SIGTERM] {
-        // In this order: the first signal is none that comes after one.
-        register_conditional_shutdown(signal, EXIT_CODE.into(), Arc::clone(&REQUESTED))
-            .and_then(|_| register(signal, Arc::clone(&REQUESTED)))
-            .map_err(Failure::other)?;
-    }
+    let mut signals = Signals::new([SIGINT, SIGTERM]).map_err(Failure::other)?;
+    thread::spawn(move || {
+        let mut first = None;
+        for _ in signals.forever() {
+            REQUESTED.store(true, Ordering::Relaxed);
+            if first.get_or_insert_with(Instant::now).elapsed() > SAME_SIGNAL {
+                process::exit(EXIT_CODE.into());
+            }
+        }
+    });
     Ok(())
 }
 

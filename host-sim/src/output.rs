@@ -22,6 +22,9 @@ use std::path::{Path, PathBuf};
 /// Version of the JSON results.
 pub const SCHEMA: u32 = 1;
 
+/// Most decimals of a value that is known well.
+const MOST_DECIMALS: f64 = 9.0;
+
 /// Writes a line to stdout. Nobody listens at a closed pipe: that is no failure.
 ///
 /// # Errors
@@ -236,17 +239,29 @@ pub fn counted(count: usize, thing: &str) -> String {
 
 /// Three or more significant digits with a unit that reads well: metres as mm or um, from 1 mm on.
 pub fn quantity(value: f64, unit: &str) -> String {
+    known_to(value, unit, f64::INFINITY)
+}
+
+/// The same, with as many digits as it takes to show two of an error of the value.
+pub fn known_to(value: f64, unit: &str, error: f64) -> String {
     if !value.is_finite() {
         return "-".to_owned();
     }
+    let magnitude = value.abs();
+    let decimals = |least: usize, scale: f64| {
+        let place = (error * scale).log10().floor();
+        if place.is_finite() { least.max((1.0 - place).clamp(0.0, MOST_DECIMALS) as usize) } else { least }
+    };
+    let fixed = |least, scale, unit| format!("{:.*}{unit}", decimals(least, scale), value * scale);
     match unit {
-        "m" if value.abs() >= 1e-2 => format!("{:.3} mm", value * 1e3),
-        "m" if value.abs() >= 1e-3 => format!("{:.4} mm", value * 1e3),
-        "m" => format!("{:.3} um", value * 1e6),
-        "1" => format!("{value:.4}"),
-        _ if value != 0.0 && !(1e-2..1e6).contains(&value.abs()) => format!("{value:.4e} {unit}"),
-        _ if value != 0.0 && value.abs() < 0.1 => format!("{value:.4} {unit}"),
-        _ => format!("{value:.3} {unit}"),
+        "m" if magnitude >= 1e-2 => fixed(3, 1e3, " mm"),
+        "m" if magnitude >= 1e-3 => fixed(4, 1e3, " mm"),
+        "m" => fixed(3, 1e6, " um"),
+        "1" => fixed(4, 1.0, ""),
+        _ if value != 0.0 && !(1e-2..1e6).contains(&magnitude) => {
+            format!("{value:.*e} {unit}", decimals(4, 1.0 / 10_f64.powf(magnitude.log10().floor())))
+        }
+        _ => format!("{} {unit}", fixed(if value != 0.0 && magnitude < 0.1 { 4 } else { 3 }, 1.0, "")),
     }
 }
 
@@ -281,12 +296,13 @@ pub fn estimate_table(fit: &Fit) -> Table {
     let mut table = table(["parameter", "symbol", "value", "95 % interval", "standard error"]);
     for estimate in &fit.estimates {
         let info = estimate.parameter.info();
+        let q = |value| known_to(value, info.unit, estimate.standard_error);
         table.add_row([
             info.name.to_owned(),
             info.symbol.to_owned(),
-            quantity(estimate.value, info.unit),
-            format!("{} to {}", quantity(estimate.ci95[0], info.unit), quantity(estimate.ci95[1], info.unit)),
-            quantity(estimate.standard_error, info.unit),
+            q(estimate.value),
+            format!("{} to {}", q(estimate.ci95[0]), q(estimate.ci95[1])),
+            q(estimate.standard_error),
         ]);
     }
     table
@@ -461,6 +477,22 @@ mod tests {
             (0.0, "0.000 um"),
         ] {
             assert_eq!(quantity(metres, "m"), text);
+        }
+    }
+
+    #[test]
+    fn what_is_known_well_is_shown_to_two_digits_of_its_error() {
+        for (value, unit, error, text) in [
+            (1.2e-2, "N/mA", 3e-7, "0.01200000 N/mA"),
+            (0.25, "m2/s", 4e-4, "0.25000 m2/s"),
+            (2e-4, "m", 3.4e-7, "200.000 um"),
+            (2e-4, "m", 3.4e-10, "200.00000 um"),
+            (1.5e11, "Pa/m", 2e5, "1.5000000e11 Pa/m"),
+            (800.0, "N", 0.0, "800.000 N"),
+            (800.0, "N", f64::NAN, "800.000 N"),
+            (0.5, "1", 1e-20, "0.500000000"),
+        ] {
+            assert_eq!(known_to(value, unit, error), text);
         }
     }
 }

@@ -102,7 +102,7 @@ fn a_bad_cell_is_named_by_line_and_column() {
             5,
             0,
             "0.0051",
-            "run.csv:7: column `t_s` (1): found a step of 0.001100000 s where the median step is",
+            "run.csv:7: column `t_s` (1): found a step of 0.001100000 s where the typical step is",
         ),
     ] {
         let found = message(&with_cell(row, column, cell));
@@ -132,7 +132,7 @@ fn a_lost_row_is_not_uniform() {
     let found = message(&lost);
     assert_eq!(
         found,
-        "run.csv:32: column `t_s` (1): found a step of 0.002000000 s where the median step is 0.001000000 s, \
+        "run.csv:32: column `t_s` (1): found a step of 0.002000000 s where the typical step is 0.001000000 s, \
          expected uniform sampling (within 1 %); where stamps jitter or rows are lost, `--rate HZ` puts them on a grid"
     );
     let rate = |hertz| ReadOptions { sample_rate_hz: Some(hertz), ..ReadOptions::default() };

@@ -9,7 +9,7 @@ use super::walk::Walk;
 use crate::integrate::Stepper;
 use crate::model::Model;
 use crate::model::state::Outputs;
-use crate::scalar::{Real, Scalar};
+use crate::scalar::Real;
 use crate::simulate::Follower;
 use nalgebra::{RealField, SMatrix, SVector};
 
@@ -378,7 +378,7 @@ impl<T: Real + RealField, const GENES: usize> Normal<T, GENES> {
     /// Standard error of each gene, in genes: the roots of the [covariance](Self::covariance)'s diagonal.
     pub fn standard_errors(&self) -> Option<[T; GENES]> {
         let variances = self.covariance()?.diagonal();
-        Some(variances.data.0[0].map(Scalar::root))
+        Some(variances.data.0[0].map(Real::root))
     }
 }
 

@@ -88,12 +88,16 @@ pub struct Identification<T, const GENES: usize, const SIZE: usize> {
 }
 
 impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<T, GENES, SIZE> {
-    /// The start of an identification of `problem.free` from a seed.
-    pub fn new(problem: &Problem<'_, T>, settings: Settings<T>, seed: u64) -> Self {
+    /// The start of an identification of `problem.free` from a seed. `None` where more parameters are free than there are
+    /// genes.
+    pub fn new(problem: &Problem<'_, T>, settings: Settings<T>, seed: u64) -> Option<Self> {
+        if problem.free.len() > GENES {
+            return None;
+        }
         let search = SteadyState::new(settings.search, problem.free.len(), seed);
         // The best of the first population is often in the basin already; its finish is cheap, and tells.
         let next_finish = search.population() as u32;
-        Self {
+        Some(Self {
             settings,
             search,
             polished: None,
@@ -104,7 +108,7 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
             given_up: [false; SIZE],
             starts: [[T::ZERO; GENES]; MORE_FINISHES],
             finishes: 0,
-        }
+        })
     }
 
     /// Adds a place to the population that is worth a finish.

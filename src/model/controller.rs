@@ -17,6 +17,15 @@ pub struct Controller<T> {
     pub integral_limit: T,
 }
 
+/// A velocity (m/s) or an acceleration (m/s2) of both that the controller sees.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen<T> {
+    /// Of what is fed back.
+    pub fed_back: T,
+    /// Of the ram, whatever is fed back.
+    pub ram: T,
+}
+
 impl<T: Real> Controller<T> {
     /// The controller of a set of parameters.
     pub const fn new(p: &Parameters<T>) -> Self {
@@ -30,13 +39,13 @@ impl<T: Real> Controller<T> {
         }
     }
 
-    /// Current before its limit, mA, from the fed-back position and velocity and the integrated error.
+    /// Current before its limit, mA, from the fed-back position, the velocities and the integrated error.
     #[inline(always)]
-    pub fn demand(&self, input: &Input<T>, position: T, velocity: T, integral: T) -> T {
+    pub fn demand(&self, input: &Input<T>, position: T, velocity: &Seen<T>, integral: T) -> T {
         self.proportional * (input.command - position)
             + self.integral * integral
-            + self.derivative * (input.command_rate - velocity)
-            - self.velocity * velocity
+            + self.derivative * (input.command_rate - velocity.fed_back)
+            - self.velocity * velocity.ram
     }
 
     /// Current before its limit, mA, of a controller that sees nothing but the position error, m.
@@ -47,9 +56,17 @@ impl<T: Real> Controller<T> {
 
     /// Rate of the demand, mA/s, from the rates of what it is made of.
     #[inline(always)]
-    pub fn demand_rate(&self, input: &Input<T>, position: T, velocity: T, acceleration: T) -> T {
-        self.proportional * (input.command_rate - velocity) + self.integral * (input.command - position)
-            - (self.derivative + self.velocity) * acceleration
+    pub fn demand_rate(
+        &self,
+        input: &Input<T>,
+        position: T,
+        velocity: &Seen<T>,
+        acceleration: &Seen<T>,
+    ) -> T {
+        self.proportional * (input.command_rate - velocity.fed_back)
+            + self.integral * (input.command - position)
+            - self.derivative * acceleration.fed_back
+            - self.velocity * acceleration.ram
     }
 
     /// The current that leaves the controller in a mode of its limit; `one` is 1 (see [`super::Model::affine_rate`]).

@@ -27,7 +27,7 @@ pub mod waypoint;
 
 use crate::parameter::{Parameter, Parameters, Reach};
 use crate::scalar::Real;
-use controller::Controller;
+use controller::{Controller, Seen};
 use curved::Curved;
 use events::Scales;
 pub use events::{EXTRA_GUARDS, LOOP_GUARDS};
@@ -266,14 +266,16 @@ impl<T: Real> Model<T> {
         }
     }
 
-    /// The velocity (or acceleration) that the controller sees, from those of the ram in its cylinder and of the base.
+    /// The velocities (or accelerations) that the controller sees, from those of the ram in its cylinder and of the base.
     #[inline(always)]
-    fn fed_back_rate(&self, mode: &Mode, ram_rate: T, base_rate: T) -> T {
-        match self.form.feedback {
-            Feedback::Ram => ram_rate + self.parameters.loop_sees_base * base_rate,
+    fn seen_rates(&self, mode: &Mode, ram_rate: T, base_rate: T) -> Seen<T> {
+        let ram = ram_rate + self.parameters.loop_sees_base * base_rate;
+        let fed_back = match self.form.feedback {
+            Feedback::Ram => ram,
             Feedback::User if mode.user_play == 0 => (T::ONE - self.parameters.play_sees_base) * base_rate,
             Feedback::User => ram_rate + base_rate,
-        }
+        };
+        Seen { fed_back, ram }
     }
 
     /// Current before its limit, mA.
@@ -282,8 +284,8 @@ impl<T: Real> Model<T> {
         if self.is_plain {
             return self.controller.proportional_demand((input.command - z.ram) - z.ram_rest);
         }
-        let velocity = self.fed_back_rate(mode, z.ram_velocity, z.base_velocity);
-        self.controller.demand(input, self.fed_back(z), velocity, z.integral)
+        let velocity = self.seen_rates(mode, z.ram_velocity, z.base_velocity);
+        self.controller.demand(input, self.fed_back(z), &velocity, z.integral)
     }
 
     /// Current behind the torque motor's hysteresis, mA.
@@ -304,9 +306,9 @@ impl<T: Real> Model<T> {
         if mode.hysteresis == 0 || mode.current != 0 {
             return T::ZERO;
         }
-        let velocity = self.fed_back_rate(mode, z.ram_velocity, z.base_velocity);
-        let acceleration = self.fed_back_rate(mode, ram, base);
-        self.controller.demand_rate(input, self.fed_back(z), velocity, acceleration)
+        let velocity = self.seen_rates(mode, z.ram_velocity, z.base_velocity);
+        let acceleration = self.seen_rates(mode, ram, base);
+        self.controller.demand_rate(input, self.fed_back(z), &velocity, &acceleration)
     }
 
     /// Spool position that the feedback spring feels, m.

@@ -153,7 +153,8 @@ fn search<S: Stepper<f64>>(
     let mut core_settings = identify::Settings { budget: settings.budget, ..identify::Settings::default() };
     core_settings.search.population = settings.population;
     let mut identification =
-        Identification::<f64, MAX_FREE, MAX_POPULATION>::new(problem, core_settings, settings.seed);
+        Identification::<f64, MAX_FREE, MAX_POPULATION>::new(problem, core_settings, settings.seed)
+            .expect("what is free is counted where a problem is made");
     if let Some(values) = near {
         identification.suggest(problem, &polish::genes_of(problem, values), &mut steppers[0]);
     }

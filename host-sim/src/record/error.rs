@@ -154,8 +154,8 @@ pub enum Problem {
     TimeNotUniform {
         /// This step.
         step: f64,
-        /// The median step.
-        median: f64,
+        /// The typical step.
+        typical: f64,
     },
     /// A rate that the user states, and the stamps have another.
     OtherRate {
@@ -267,9 +267,9 @@ impl fmt::Display for Problem {
             Self::TimeNotIncreasing { previous, found } => {
                 write!(f, "found {} s after {} s, expected increasing time", in_full(*found), in_full(*previous))
             }
-            Self::TimeNotUniform { step, median } => write!(
+            Self::TimeNotUniform { step, typical } => write!(
                 f,
-                "found a step of {step:.9} s where the median step is {median:.9} s, \
+                "found a step of {step:.9} s where the typical step is {typical:.9} s, \
                  expected uniform sampling (within 1 %); where stamps jitter or rows are lost, `--rate HZ` puts them \
                  on a grid"
             ),

@@ -4,7 +4,7 @@ use eha_monitor::channel::{Channel, ChannelRole};
 
 use super::error::{Field, Problem, RecordError};
 use super::mapping::UnitFrom;
-use super::time_base::{Grid, Resolution, on_grid, uniform};
+use super::time_base::{Grid, Resolution, is_rate_of, on_grid, rate_if_lost, uniform};
 use super::{Loaded, MIN_SAMPLES, ReadOptions, Record, plausible};
 use crate::output::{plain, quantity};
 
@@ -75,13 +75,22 @@ impl Table {
         self.check_magnitude(&time)?;
         let is_in_seconds = has_time && matches!(time.unit, UnitFrom::Mapping | UnitFrom::Row);
         let clock = match (uniform(&time.values, self.resolution), options.sample_rate_hz) {
-            (Err(_), Some(rate)) => on_grid(&time.values, rate).map(|grid| {
-                self.spread(&grid, &time.field, rate);
-                (grid.start, rate.recip())
-            }),
+            (clock, Some(rate)) if !clock.as_ref().is_ok_and(|&(_, period)| is_rate_of(period, rate)) => {
+                on_grid(&time.values, rate).map(|grid| {
+                    self.spread(&grid, &time.field, rate);
+                    (grid.start, rate.recip())
+                })
+            }
             (clock, rate) => {
                 if clock.is_ok() && rate.is_some() && has_time {
                     self.warn(&format!("the sampling rate is not used: {} gives the time", time.field));
+                } else if let (Ok((_, period)), Some(rate)) = (&clock, rate_if_lost(&time.values)) {
+                    self.warn(&format!(
+                        "{}: {} Hz, whose stamps are rounded: where they are not, and rows are lost, say `--rate {}`",
+                        time.field,
+                        plain(period.recip().round()),
+                        plain(rate.round())
+                    ));
                 }
                 clock
             }

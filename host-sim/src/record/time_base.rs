@@ -23,7 +23,7 @@ const START_PARTS: f64 = 1e9;
 /// 4 %.
 const CLOCK_GAIN: f64 = 0.05;
 
-/// Largest relative difference of a step from the median step.
+/// Largest relative difference of a step from the typical step.
 const STEP_TOLERANCE: f64 = 0.01;
 
 /// Largest effect of rounding on a step, units of the last digit: less than one.
@@ -104,12 +104,12 @@ impl Resolution {
 ///
 /// The index of the first stamp that does not follow its predecessor by one step, and why.
 pub(super) fn uniform(times: &[f64], resolution: Resolution) -> Result<(f64, f64), (usize, Problem)> {
-    let mut steps = increasing(times)?;
+    let steps = increasing(times)?;
     let typical = typical_step(times);
-    for (index, step) in steps.iter().copied().enumerate() {
+    for (index, step) in steps.into_iter().enumerate() {
         let slack = (STEP_TOLERANCE * typical).max(ROUNDING * resolution.unit(times[index + 1]));
         if (step - typical).abs() > slack {
-            return Err((index + 1, Problem::TimeNotUniform { step, median: median(&mut steps) }));
+            return Err((index + 1, Problem::TimeNotUniform { step, typical }));
         }
     }
     Ok((times[0], period(times, resolution)))
@@ -184,6 +184,18 @@ pub(super) fn on_grid(times: &[f64], rate: f64) -> Result<Grid, (usize, Problem)
     Ok(grid)
 }
 
+/// Is a period, s, that of a rate, Hz?
+pub(super) fn is_rate_of(period: f64, rate: f64) -> bool {
+    (period * rate - 1.0).abs() <= STEP_TOLERANCE
+}
+
+/// The rate of stamps that are uniform but for their rounding, if it is lost rows that make some steps long: stamps of 900 Hz
+/// in whole milliseconds are those of 1 kHz without every tenth.
+pub(super) fn rate_if_lost(times: &[f64]) -> Option<f64> {
+    let median = median_step(times);
+    times.windows(2).any(|pair| pair[1] - pair[0] > 1.5 * median).then(|| median.recip())
+}
+
 /// The median over the record of the mean step of a quarter of it: finer than the digits, and blind to a gap.
 fn typical_step(times: &[f64]) -> f64 {
     let lag = (times.len() / 4).max(1);
@@ -231,6 +243,19 @@ mod tests {
             let error = (period * rate - 1.0).abs();
             assert!(error < 2e-3, "{rate} Hz with {digits} decimals: off by {error}");
         }
+    }
+
+    #[test]
+    fn rounding_may_look_like_lost_rows() {
+        let stamps =
+            |rate: f64| decimals(400, 1.0 / rate, 3).iter().map(|text| text.parse().unwrap()).collect();
+        let rates = [(1000.0, false), (900.0, true), (600.0, false), (128.0, false)];
+        for (rate, may_be) in rates {
+            let times: Vec<f64> = stamps(rate);
+            let found = rate_if_lost(&times).map(f64::round);
+            assert_eq!(found, may_be.then_some(1000.0), "{rate}");
+        }
+        assert!(is_rate_of(1.0 / 900.0, 900.0) && !is_rate_of(1.0 / 900.0, 1000.0));
     }
 
     #[test]

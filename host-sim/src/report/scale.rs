@@ -1,6 +1,6 @@
 //! Axes: from a quantity to its place, ticks at round numbers, units that read well.
 
-use crate::output::quantity;
+use crate::output::known_to;
 
 /// How values are spread along an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,7 +49,12 @@ fn least_margin(unit: &str) -> f64 {
 
 /// A quantity in words, as the tables of the terminal have it, in the typography of a page.
 pub(super) fn shown(value: f64, unit: &str) -> String {
-    quantity(value, unit).replace(" um", " µm").replace('-', "−")
+    shown_to(value, unit, f64::INFINITY)
+}
+
+/// The same, with as many digits as it takes to show two of an error of the value.
+pub(super) fn shown_to(value: f64, unit: &str, error: f64) -> String {
+    known_to(value, unit, error).replace(" um", " µm").replace('-', "−")
 }
 
 impl Axis {

@@ -4,9 +4,11 @@ use super::printouts::{self, Truth};
 use super::{DEFAULT_RIG, FitOptions, Fitted, converged, fit_records, save_trace};
 use crate::cli::Common;
 use crate::failure::Failure;
-use crate::fit::{self, Bounds, Fit, LoopScore};
+use crate::fit::measured::USER;
+use crate::fit::{self, Bounds, Fit, LoopScore, Prepared};
 use crate::output::{self, SCHEMA, counted, quantity};
 use crate::report::{self, Identified, REPORT_FILE};
+use crate::rig::Range;
 use crate::trace::Trace;
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::identify::within_noise;
@@ -14,6 +16,9 @@ use serde_json::{Value, json};
 
 /// Name of the result in the directory of `--out`.
 const RESULT_FILE: &str = "identify.json";
+
+/// Part of a sum of squares that is most of it.
+const MOSTLY: f64 = 0.5;
 
 /// Options of `identify`.
 #[derive(Clone, Debug, clap::Args)]
@@ -93,6 +98,7 @@ fn notes(fitted: &Fitted) -> Vec<String> {
     notes.extend(fit::remarks(&fit.estimates, &fitted.ranges, Bounds::Option));
     notes.extend(output::correlation_warnings(fit));
     notes.extend(output::reading_notes(&fitted.rig));
+    notes.extend(held_in_words(fitted));
     if !fitted.rig.calibration.beside(&fitted.ranges).is_empty() {
         notes.push("the intervals hold what the calibration of the rig leaves open, too".to_owned());
     }
@@ -102,8 +108,32 @@ fn notes(fitted: &Fitted) -> Vec<String> {
     if fit.interrupted {
         notes.push("interrupted: this is what was found so far, not the bottom of the search".to_owned());
     }
-    notes.extend(excess_in_words(fit));
+    if let Some(excess) = excess_in_words(fit) {
+        notes.push(excess);
+        notes.extend(constant_in_words(fitted));
+    }
     notes
+}
+
+/// The faults that are not fitted, as in a calibration, and their values; none where all are.
+fn held_in_words(fitted: &Fitted) -> Option<String> {
+    let is_held = |fault: &&Range| fitted.ranges.iter().all(|range| range.parameter != fault.parameter);
+    let held: Vec<String> = fitted
+        .rig
+        .faults
+        .iter()
+        .filter(is_held)
+        .map(|fault| {
+            let info = fault.parameter.info();
+            format!("{} at {}", info.name, quantity(fitted.rig.parameters.get(fault.parameter), info.unit))
+        })
+        .collect();
+    (!held.is_empty()).then(|| {
+        format!(
+            "held: {}; where the machine has another value, the others make up for it: `--bounds NAME=LOW..HIGH` fits it too",
+            held.join(", ")
+        )
+    })
 }
 
 /// That a fit leaves more than noise, and of which channel the most; none where chance may leave as much.
@@ -122,6 +152,27 @@ fn excess_in_words(fit: &Fit) -> Option<String> {
         Channel::MEASURED[channel].info().column,
         fit.misfit.count
     ))
+}
+
+/// That a constant is most of what a fit leaves of the user position: command and sensor may have zeros of their own.
+fn constant_in_words(fitted: &Fitted) -> Option<String> {
+    let records: Vec<_> = fitted.prepared.iter().map(Prepared::as_core).collect();
+    let left = fit::residual_series(&records, &fitted.fit.predictions, USER);
+    let (mut constant, mut squares, mut largest) = (0.0, 0.0, 0.0_f64);
+    for series in left.iter().map(|series| fit::present(series)) {
+        let count = series.len().max(1) as f64;
+        let mean = series.iter().sum::<f64>() / count;
+        constant += count * mean * mean;
+        squares += series.iter().map(|value| value * value).sum::<f64>();
+        largest = if mean.abs() > largest.abs() { mean } else { largest };
+    }
+    (!fitted.rig.command_offset && constant > MOSTLY * squares).then(|| {
+        format!(
+            "most of what is left of lvdt_m is a constant, {}: where command and sensor have zeros of their own, say \
+             `command-offset = true` in the rig",
+            quantity(largest, "m")
+        )
+    })
 }
 
 /// The result as JSON; `list` names the list of estimates.
@@ -159,7 +210,7 @@ pub(super) fn print(common: &Common, fitted: &Fitted) -> Result<(), Failure> {
     output::print(&output::residual_table(fit, &fitted.noise_source).to_string())?;
     output::print(&format!(
         "{} samples in {}; {}, {}, {:.2} ms a generation, {:.3} s in all; {}; seed {}",
-        fitted.prepared.iter().map(fit::Prepared::len).sum::<usize>(),
+        fitted.prepared.iter().map(Prepared::len).sum::<usize>(),
         counted(fitted.prepared.len(), "record"),
         counted(fit.evaluations as usize, "evaluation"),
         counted(fit.generations as usize, "generation"),

@@ -205,6 +205,41 @@ fn bounds_hold_and_free_what_they_name() {
 }
 
 #[test]
+fn a_zero_of_its_own_is_no_effect_that_the_model_lacks() {
+    let bench = Bench::new();
+    let base = ["--model", "lf", "--noise", "lvdt_m=5e-6,current_mA=0.02", "--channels", "lvdt_m,current_mA"];
+    bench.simulate("zero.csv", &[&base[..], &["--effect", "sensor-offset=1e-3"]].concat());
+    bench.simulate("gain.csv", &[&base[..], &["--effect", "sensor-gain=0.05"]].concat());
+    bench.write("offset.toml", "[model]\ncommand-offset = true\n");
+    let advice = "`command-offset = true`";
+    let warnings = |arguments: &[&str]| {
+        let result = bench.run(&[&["identify", "--json"], arguments].concat()).json()["warnings"].to_string();
+        (result.contains("lacks something"), result.contains(advice))
+    };
+    assert_eq!(warnings(&["zero.csv"]), (true, true));
+    assert_eq!(warnings(&["zero.csv", "--rig", "offset.toml"]), (false, false));
+    assert_eq!(warnings(&["gain.csv"]), (true, false));
+    assert_finds_the_faults(
+        &bench.run(&["identify", "zero.csv", "--rig", "offset.toml", "--json"]).done().json(),
+    );
+}
+
+#[test]
+fn a_calibration_says_which_faults_it_holds() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    let calibrate = |bounds: &[&str]| {
+        let fixed =
+            ["calibrate", "record.csv", "--rig", "eha", "--json", "--bounds", "viscous_friction=0..500"];
+        bench.run(&[&fixed[..], bounds].concat()).json()["warnings"].to_string()
+    };
+    let held = calibrate(&["--bounds", "bkl=0..1e-3"]);
+    assert!(held.contains("held: fdj at 200.000 N;") && held.contains("--bounds NAME=LOW..HIGH"), "{held}");
+    let free = calibrate(&["--bounds", "bkl=0..1e-3", "--bounds", "fdj=0..2000"]);
+    assert!(!free.contains("held: "), "{free}");
+}
+
+#[test]
 fn a_search_that_runs_out_of_budget_says_so_and_shows_what_it_has() {
     let bench = Bench::new();
     bench.simulate("hf.csv", &[]);

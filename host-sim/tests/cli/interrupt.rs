@@ -99,7 +99,9 @@ fn an_identification_gives_what_it_has_found() {
     let options = ["--rig", "slow.toml", "--json", "--out", "found"];
     let mut child = start(&bench, &[&["identify"][..], &["long.csv"; 10], &options].concat());
     wait_for(&mut child, "samples in common");
-    interrupt(&child, "-INT");
+    // As `timeout` does: to the program, and to all that it started.
+    interrupt(&child, "-TERM");
+    interrupt(&child, "-TERM");
     let result = result(child);
     assert_eq!(result["stop"], "interrupted", "{result}");
     assert!(result["warnings"].to_string().contains("interrupted"), "{result}");

@@ -181,8 +181,11 @@ fn identify(
     let misfit = platform.measure(trial, "evaluation", || problem.misfit(&truth, stepper));
     platform.result_f32(trial, "chi_square_of_truth", misfit.chi_square);
 
-    let mut identification =
-        Identification::<f32, { FREE.len() }, POPULATION>::new(&problem, Settings::default(), SEARCH_SEED);
+    let Some(mut identification) =
+        Identification::<f32, { FREE.len() }, POPULATION>::new(&problem, Settings::default(), SEARCH_SEED)
+    else {
+        return;
+    };
     let reason =
         platform.measure(trial, "identification", || identification.run(&problem, slice::from_mut(stepper)));
     platform.result_count(trial, "stop_reason", reason as u64);

@@ -197,10 +197,15 @@ impl Equations<'_> {
         (s.pressure, 4.0 * beta / volume * (flow - swept - total_leakage * s.pressure))
     }
 
+    /// Velocity of the ram, as the controller sees it.
+    fn ram_rate(&self, s: &State) -> f64 {
+        s.ram_rate + if self.over_ground() { s.body_rate } else { 0.0 }
+    }
+
     /// Velocity of the feedback position: that of the user is zero inside the backlash.
     fn feedback_rate(&self, s: &State, contacts: &Contacts) -> f64 {
         if self.p.feedback == Feedback::Ram {
-            return s.ram_rate + if self.over_ground() { s.body_rate } else { 0.0 };
+            return self.ram_rate(s);
         }
         let carried = self.play_share();
         let (pushing, rate) = (s.ram + carried * s.body, s.ram_rate + carried * s.body_rate);
@@ -215,7 +220,7 @@ impl Equations<'_> {
     }
 
     fn over_ground(&self) -> bool {
-        self.p.feedback == Feedback::User || self.e.mount.is_some_and(|m| m.in_loop)
+        self.e.mount.is_some_and(|m| m.in_loop)
     }
 
     /// Rates of change, and all that follows from the state. `command_rate` is the rate of the command.
@@ -249,7 +254,7 @@ impl Equations<'_> {
             p.proportional_gain * error
                 + p.integral_gain * sat(s.integral, p.error_integral_limit)
                 + p.derivative_gain * (command_rate - feedback_rate)
-                - p.velocity_gain * feedback_rate,
+                - p.velocity_gain * self.ram_rate(s),
             p.current_limit,
         );
 

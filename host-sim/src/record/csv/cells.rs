@@ -5,8 +5,22 @@ use super::super::error::{Problem, printable};
 /// Longest part of a cell that a message repeats.
 const QUOTED_CHARACTERS: usize = 40;
 
-/// What programs write where a sample is missing, in any case.
-const LOST: [&str; 4] = ["nan", "na", "n/a", "null"];
+/// What programs write where a sample is missing, in any case: numeric ones, data bases, spreadsheets, run-time libraries of C.
+const LOST: [&str; 13] = [
+    "nan",
+    "-nan",
+    "na",
+    "n/a",
+    "<na>",
+    "null",
+    "none",
+    "#n/a",
+    "#nv",
+    "nan(ind)",
+    "-nan(ind)",
+    "1.#qnan",
+    "-1.#ind",
+];
 
 /// Line and column, from 0, of a cell.
 pub(super) type Place = (u64, usize);

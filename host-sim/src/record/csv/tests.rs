@@ -54,7 +54,7 @@ fn is_motion(record: &Record) -> bool {
 
 #[test]
 fn what_other_programs_write_for_a_lost_sample_is_one() {
-    for lost in ["NaN", "nan", "NA", "N/A", "null", ""] {
+    for lost in ["NaN", "nan", "NA", "N/A", "null", "#N/A", "#NV", "-nan(ind)", "-1.#IND", "None", ""] {
         let with = |column: usize| {
             text(HEADER, |row| {
                 let mut cells = plain(row);
@@ -67,7 +67,9 @@ fn what_other_programs_write_for_a_lost_sample_is_one() {
         let loaded = parse(&with(2), &[], None).expect(lost);
         assert_eq!(loaded.record.missing_count(Channel::UserPosition), 1);
         assert_eq!(loaded.warnings, ["run.csv: column `lvdt_m` (3): 1 of 60 samples are missing"]);
-        for (column, name) in [(0, "t_s"), (1, "command_m")] {
+        // A line that begins with `#` is a comment.
+        let first = usize::from(lost.starts_with('#'));
+        for (column, name) in [(0, "t_s"), (1, "command_m")].into_iter().skip(first) {
             let place =
                 format!("run.csv:14: column `{name}` ({}): found a blank cell or NaN, expected", column + 1);
             assert!(message(&with(column), &[], None).starts_with(&place), "{lost}");
