@@ -203,6 +203,7 @@ pub(super) fn conclude(
         predictions,
         before: before.likeliest(case.rig, &case.rig.declared(), case.train()),
         records: case.records.to_vec(),
+        doubts: Vec::new(),
         jumps: None,
     }
 }

@@ -1,6 +1,7 @@
 //! The answer of a diagnosis.
 
 use super::description::Description;
+use super::doubt::Doubt;
 use super::residual::{self, MEASURED};
 use super::side::Side;
 use crate::fit::measured::USER;
@@ -131,6 +132,8 @@ pub struct Diagnosis {
     pub acts: Option<Side>,
     /// The records as they were compared: the fitted ones, then those that were held out.
     pub records: Vec<Prepared>,
+    /// Parameters of the rig that may be wrong in place of what was found, or not found.
+    pub doubts: Vec<Doubt>,
     /// When the command of each record jumps, s after its first sample, where that was found to be between two samples.
     pub jumps: Option<Vec<Vec<f64>>>,
 }

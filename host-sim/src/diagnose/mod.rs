@@ -25,6 +25,9 @@
 //!        |
 //!        v
 //! unexplained: is it noise if the noise is coloured? Then anew, with that
+//!        |
+//!        v
+//! not adequate: does one parameter of the rig that no effect changes explain it as well? Then the rig is in doubt
 //! ```
 
 mod between;
@@ -33,6 +36,7 @@ mod case;
 mod conclusion;
 pub mod description;
 mod diagnosis;
+mod doubt;
 mod growth;
 mod hypothesis;
 mod jumps;
@@ -50,6 +54,7 @@ mod weighing;
 
 pub use case::{Case, EFFORT_BOUNDS_S, EFFORT_PER_SECOND};
 pub use diagnosis::{Diagnosis, Early, Fault, Found, Score, Verdict, score};
+pub use doubt::Doubt;
 pub use side::Side;
 
 use crate::fit::{self, FitSettings, Prepared};
@@ -58,7 +63,7 @@ use between::{Between, Jumping};
 use progress::{Log, Progress, Watch};
 use readings::{diagnose_held, diagnose_in_noise};
 use residual::MEASURED;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Share of a diagnosis in which jumps between samples are timed first, and most of its effort that this may take.
 const TIMING: f64 = 0.05;
@@ -68,13 +73,20 @@ const TIMING_EFFORT: f64 = 0.2;
 pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Diagnosis {
     let log = Log::new(watch);
     let cut = AtomicBool::new(false);
-    let diagnosis = in_each_way(&Case { progress: Progress::of(&log), cut: Some(&cut), ..*case }, settings);
+    let case = Case { progress: Progress::of(&log), cut: Some(&cut), ..*case };
+    let diagnosis = in_each_way(&case, settings);
     let early = if interrupt::requested() {
         Some(Early::Interrupted)
     } else {
-        cut.into_inner().then_some(Early::OutOfEffort)
+        cut.load(Ordering::Relaxed).then_some(Early::OutOfEffort)
     };
-    Diagnosis { early, ..diagnosis }
+    let doubts = if diagnosis.verdict == Verdict::Adequate || interrupt::requested() {
+        Vec::new()
+    } else {
+        case.progress.begin("looking at the rig's own parameters", [0.99, 1.0]);
+        doubt::doubts(&case, &diagnosis)
+    };
+    Diagnosis { early, doubts, ..diagnosis }
 }
 
 /// Commands are taken to jump at samples, and noise for white, first. Jumps between two samples may be the truth; where

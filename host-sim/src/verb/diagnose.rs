@@ -4,7 +4,7 @@ use super::files::{Files, common_samples};
 use super::{DEFAULT_RIG, InputOptions};
 use crate::cli::Common;
 use crate::diagnose::{
-    Case, Diagnosis, EFFORT_BOUNDS_S, EFFORT_PER_SECOND, Early, Found, Score, Side, Verdict, diagnose,
+    Case, Diagnosis, Doubt, EFFORT_BOUNDS_S, EFFORT_PER_SECOND, Early, Found, Score, Side, Verdict, diagnose,
 };
 use crate::failure::Failure;
 use crate::fit::{self, Bounds, Estimate, FitSettings, LoopScore, Prepared};
@@ -114,6 +114,23 @@ fn check_effort(allowed_s: Option<f64>, early: Option<Early>) -> Result<(), Fail
         ));
     }
     Ok(())
+}
+
+/// What the rig may have wrong; none where nothing is in doubt.
+fn doubts_in_words(doubts: &[Doubt]) -> Option<String> {
+    let instead = |doubt: &Doubt| {
+        let Doubt { stated, estimate } = doubt;
+        let info = estimate.parameter.info();
+        let q = |value| output::known_to(value, info.unit, estimate.standard_error);
+        let [lower, upper] = estimate.ci95.map(q);
+        format!("{} = {} ({lower} to {upper}) in place of {}", info.name, q(estimate.value), q(*stated))
+    };
+    (!doubts.is_empty()).then(|| {
+        format!(
+            "or the rig is wrong: without any effect, all records are explained by {}; `calibrate` on healthy records tells",
+            doubts.iter().map(instead).collect::<Vec<_>>().join(", or by ")
+        )
+    })
 }
 
 /// What is said where held-out records chose what was added, which is then no name: an error on records that a model was chosen
@@ -313,6 +330,11 @@ impl Job<'_> {
                 "active_s": left.active,
                 "tone": left.tone.map(|(frequency, share)| json!({ "frequency_Hz": frequency, "share": share })),
             })),
+            "doubts": diagnosis.doubts.iter().map(|doubt| {
+                let mut json = output::estimate_json(&doubt.estimate);
+                json["stated"] = output::number(doubt.stated);
+                json
+            }).collect::<Vec<_>>(),
             "command_jumps_s": diagnosis.jumps,
             "next_experiment": next_experiment(self, diagnosis),
             "warnings": self.warnings(diagnosis),
@@ -336,6 +358,7 @@ impl Job<'_> {
                 "something is left that no effect explains: what it does to the faults is not in their intervals".to_owned(),
             );
         }
+        warnings.extend(doubts_in_words(&diagnosis.doubts));
         if diagnosis.holdout.is_none() && !diagnosis.found.is_empty() {
             warnings.push("no held-out record: what was found is not validated".to_owned());
         }
