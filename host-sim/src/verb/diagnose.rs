@@ -116,6 +116,13 @@ fn check_effort(allowed_s: Option<f64>, early: Option<Early>) -> Result<(), Fail
     Ok(())
 }
 
+/// A parameter that the rig may have wrong.
+fn doubt_json(doubt: &Doubt) -> Value {
+    let mut json = output::estimate_json(&doubt.estimate);
+    json["stated"] = output::number(doubt.stated);
+    json
+}
+
 /// What the rig may have wrong; none where nothing is in doubt.
 fn doubts_in_words(doubts: &[Doubt]) -> Option<String> {
     let instead = |doubt: &Doubt| {
@@ -330,11 +337,7 @@ impl Job<'_> {
                 "active_s": left.active,
                 "tone": left.tone.map(|(frequency, share)| json!({ "frequency_Hz": frequency, "share": share })),
             })),
-            "doubts": diagnosis.doubts.iter().map(|doubt| {
-                let mut json = output::estimate_json(&doubt.estimate);
-                json["stated"] = output::number(doubt.stated);
-                json
-            }).collect::<Vec<_>>(),
+            "doubts": diagnosis.doubts.iter().map(doubt_json).collect::<Vec<_>>(),
             "command_jumps_s": diagnosis.jumps,
             "next_experiment": next_experiment(self, diagnosis),
             "warnings": self.warnings(diagnosis),
