@@ -267,7 +267,7 @@ impl<T: Real> Model<T> {
     }
 
     /// The velocities (or accelerations) that the controller sees, from those of the ram in its cylinder and of the base.
-    #[inline(always)]
+    #[inline(never)]
     fn seen_rates(&self, mode: &Mode, ram_rate: T, base_rate: T) -> Seen<T> {
         let ram = ram_rate + self.parameters.loop_sees_base * base_rate;
         let fed_back = match self.form.feedback {
