@@ -311,6 +311,21 @@ fn a_rate_stands_in_for_the_time() {
 }
 
 #[test]
+fn rows_that_are_lost_regularly_are_told_from_rounded_stamps_by_the_rate() {
+    let whole = text_with(HEADER, 300, |_, _| None);
+    let is_kept = |&(index, _): &(usize, &str)| index == 0 || index % 10 != 9;
+    let lost: String =
+        whole.lines().enumerate().filter(is_kept).fold(String::new(), |all, (_, line)| all + line + "\n");
+    let rounded = parse_csv("run.csv", lost.as_bytes(), &ReadOptions::default()).expect("uniform");
+    assert!((rounded.record.sample_period_s() * 900.0 - 1.0).abs() < 0.01);
+    assert!(rounded.warnings.iter().any(|note| note.contains("`--rate 1000`")), "{:?}", rounded.warnings);
+    let rate = ReadOptions { sample_rate_hz: Some(1000.0), ..ReadOptions::default() };
+    let stated = parse_csv("run.csv", lost.as_bytes(), &rate).expect("on a grid").record;
+    assert_eq!(stated.sample_period_s(), 1e-3);
+    assert_eq!(stated.missing_count(Channel::UserPosition), stated.len() - rounded.record.len());
+}
+
+#[test]
 fn a_window_keeps_what_is_inside_and_checks_only_that() {
     let gap = text_with(HEADER, 200, |row, column| {
         (column == 0).then(|| format!("{:.3}", row as f64 * 1e-3 + if row < 20 { 0.0 } else { 0.5 }))

@@ -4,7 +4,7 @@ use eha_monitor::channel::{Channel, ChannelRole};
 
 use super::error::{Field, Problem, RecordError};
 use super::mapping::UnitFrom;
-use super::time_base::{Grid, Resolution, is_rate_of, on_grid, rate_if_lost, uniform};
+use super::time_base::{Grid, Resolution, is_rate_of, median_step, on_grid, rate_if_lost, uniform};
 use super::{Loaded, MIN_SAMPLES, ReadOptions, Record, plausible};
 use crate::output::{plain, quantity};
 
@@ -74,13 +74,18 @@ impl Table {
         self.check_length(time.values.len())?;
         self.check_magnitude(&time)?;
         let is_in_seconds = has_time && matches!(time.unit, UnitFrom::Mapping | UnitFrom::Row);
-        let clock = match (uniform(&time.values, self.resolution), options.sample_rate_hz) {
-            (clock, Some(rate)) if !clock.as_ref().is_ok_and(|&(_, period)| is_rate_of(period, rate)) => {
-                on_grid(&time.values, rate).map(|grid| {
-                    self.spread(&grid, &time.field, rate);
-                    (grid.start, rate.recip())
-                })
-            }
+        let clock = uniform(&time.values, self.resolution);
+        // Of stamps that are uniform but for their rounding, most steps may be those of another rate.
+        let is_of_rows = |rate| match clock {
+            Ok((_, period)) => !is_rate_of(period, rate) && is_rate_of(median_step(&time.values), rate),
+            Err(_) => true,
+        };
+        let is_on_grid = options.sample_rate_hz.is_some_and(is_of_rows);
+        let clock = match (clock, options.sample_rate_hz) {
+            (_, Some(rate)) if is_on_grid => on_grid(&time.values, rate).map(|grid| {
+                self.spread(&grid, &time.field, rate);
+                (grid.start, rate.recip())
+            }),
             (clock, rate) => {
                 if clock.is_ok() && rate.is_some() && has_time {
                     self.warn(&format!("the sampling rate is not used: {} gives the time", time.field));
