@@ -243,7 +243,7 @@ pub fn quantity(value: f64, unit: &str) -> String {
 }
 
 /// The same, with as many digits as it takes to show two of an error of the value.
-pub fn known_to(value: f64, unit: &str, error: f64) -> String {
+fn known_to(value: f64, unit: &str, error: f64) -> String {
     if !value.is_finite() {
         return "-".to_owned();
     }
@@ -263,6 +263,12 @@ pub fn known_to(value: f64, unit: &str, error: f64) -> String {
         }
         _ => format!("{} {unit}", fixed(if value != 0.0 && magnitude < 0.1 { 4 } else { 3 }, 1.0, "")),
     }
+}
+
+/// Values of an estimate's parameter in words, with as many digits as its standard error asks for.
+pub fn in_digits_of(estimate: &Estimate) -> impl Fn(f64) -> String {
+    let (unit, error) = (estimate.parameter.info().unit, estimate.standard_error);
+    move |value| known_to(value, unit, error)
 }
 
 /// A number in full, with an exponent where it is very large or very small.
@@ -296,7 +302,7 @@ pub fn estimate_table(fit: &Fit) -> Table {
     let mut table = table(["parameter", "symbol", "value", "95 % interval", "standard error"]);
     for estimate in &fit.estimates {
         let info = estimate.parameter.info();
-        let q = |value| known_to(value, info.unit, estimate.standard_error);
+        let q = in_digits_of(estimate);
         table.add_row([
             info.name.to_owned(),
             info.symbol.to_owned(),

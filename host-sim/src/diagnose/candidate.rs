@@ -262,8 +262,7 @@ pub(super) fn fitted(
 /// The ranges, but those that the rig does not declare wider where a value is at their edge and inside what is possible.
 fn widened(rig: &Rig, ranges: &[Range], values: &[f64]) -> Vec<Range> {
     let is_given = |parameter| {
-        let declared = rig.faults.iter().chain(&rig.free).any(|range| range.parameter == parameter);
-        declared || matches!(parameter, Parameter::StepLoadTime | Parameter::CoggingPitch)
+        rig.declares(parameter) || matches!(parameter, Parameter::StepLoadTime | Parameter::CoggingPitch)
     };
     let widen = |(range, &value): (&Range, &f64)| {
         let info = range.parameter.info();

@@ -3,6 +3,8 @@
 use super::Case;
 use super::candidate;
 use super::diagnosis::{Diagnosis, Verdict};
+use super::hypothesis::price;
+use super::place::Place;
 use super::residual::MEASURED;
 use super::signature::Signatures;
 use crate::fit::{self, Estimate, Prepared, Reading, TOLD_APART};
@@ -37,7 +39,10 @@ pub(super) fn doubts(case: &Case<'_>, diagnosis: &Diagnosis) -> Vec<Doubt> {
     let is_unexplained = diagnosis.verdict == Verdict::Unexplained;
     let own = Reading { rig: case.rig.reading_as(&diagnosis.rig), records: diagnosis.records.clone() };
     // What explains the records says how they are to be read.
-    let others = if is_unexplained { Reading::all(case.rig, case.records) } else { Vec::new() };
+    let mut others = if is_unexplained { Reading::all(case.rig, case.records) } else { Vec::new() };
+    if diagnosis.jumps.is_none() && diagnosis.colour == [0.0; MEASURED] {
+        others.retain(|other| other.rig != own.rig);
+    }
     let readings: Vec<Reading> = iter::once(own)
         .chain(others)
         .map(|Reading { rig, records }| Reading { rig: diagnosis.before.applied(&rig), records })
@@ -65,11 +70,10 @@ fn promising(case: &Case<'_>) -> Vec<Parameter> {
     let (rig, declared, excerpts) = (case.rig, case.rig.declared(), case.excerpts());
     let records = excerpts.as_deref().unwrap_or(case.records);
     let signatures = Signatures::new(rig, &declared, records);
-    let open = open_to_doubt(rig, &declared);
+    let open = open_to_doubt(rig);
     let compared = |record: &Prepared| (0..MEASURED).map(|channel| record.compared(channel)).sum::<usize>();
-    // The logarithm of the number of samples, and the odds of having tried all.
     let samples: usize = records.iter().map(compared).sum();
-    let price = (samples as f64).ln() + 2.0 * (open.len().max(1) as f64).ln();
+    let price = price(1, samples as f64, open.len());
     let gain = |parameter: Parameter| {
         let mut changed = rig.clone();
         changed.parameters.set(parameter, (1.0 + CHANGE) * rig.parameters.get(parameter));
@@ -82,14 +86,13 @@ fn promising(case: &Case<'_>) -> Vec<Parameter> {
 }
 
 /// The parameters that are neither part of an effect, nor free, nor absent.
-fn open_to_doubt(rig: &Rig, declared: &[Range]) -> Vec<Parameter> {
-    let is_free = |parameter| declared.iter().any(|range| range.parameter == parameter);
+fn open_to_doubt(rig: &Rig) -> Vec<Parameter> {
     let in_effect = |parameter| EFFECTS.iter().any(|effect| effect.parameters.contains(&parameter));
     PARAMETERS
         .iter()
         .map(|info| info.parameter)
         .filter(|&parameter| rig.parameters.get(parameter) != 0.0)
-        .filter(|&parameter| !is_free(parameter) && !in_effect(parameter))
+        .filter(|&parameter| !rig.declares(parameter) && !in_effect(parameter))
         .collect()
 }
 
@@ -102,10 +105,9 @@ fn doubted(case: &Case<'_>, parameter: Parameter) -> Option<(f64, Doubt)> {
     let rig = case.rig;
     let stated = rig.parameters.get(parameter);
     let range = Range::around(parameter, stated, WRONG_BY * stated.abs());
-    let ranges = [rig.declared(), vec![range]].concat();
-    let start: Vec<f64> = ranges.iter().map(|range| rig.parameters.get(range.parameter)).collect();
-    let rough = fit::approach(rig, &ranges, &start, case.records, STEPS)?;
-    let (ranges, fit) = candidate::fitted(rig, ranges, &rough.values, case.records)?;
+    let start = Place::of(rig, &[rig.declared(), vec![range]].concat());
+    let rough = fit::approach(rig, &start.ranges, &start.values, case.records, STEPS)?;
+    let (ranges, fit) = candidate::fitted(rig, start.ranges, &rough.values, case.records)?;
     let predictions = fit::predict(&fit.applied(rig, &ranges), case.records);
     let (last, range) = (fit.values.len() - 1, ranges.last()?);
     let estimate = Estimate::new(range, fit.values[last], fit.standard_error(last));
@@ -151,7 +153,7 @@ mod tests {
     #[test]
     fn neither_what_is_free_nor_what_an_effect_changes_is_open_to_doubt() {
         let rig = Rig::load("eha").unwrap();
-        let open = open_to_doubt(&rig, &rig.declared());
+        let open = open_to_doubt(&rig);
         let is_open = |parameter| open.contains(&parameter);
         assert!(is_open(Parameter::ProportionalGain) && is_open(Parameter::BreakawayRatio));
         let (free, of_effect, absent) =

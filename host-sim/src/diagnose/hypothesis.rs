@@ -178,8 +178,7 @@ impl Hypothesis {
     /// What an effect must gain to be believed, in units of `scale`, the mean square that is left: for each of its parameters
     /// the logarithm of the number of samples over that scale, and the odds of having tried the whole catalogue.
     pub(super) fn price(&self, effect: &EffectInfo, scale: f64) -> f64 {
-        let of_parameter = (f64::from(self.joint.misfit.count) / scale).ln().max(1.0);
-        effect.parameters.len() as f64 * of_parameter + 2.0 * (EFFECTS.len() as f64).ln()
+        price(effect.parameters.len(), f64::from(self.joint.misfit.count) / scale, EFFECTS.len())
     }
 
     /// What is free where noise is what is left, as all records have it.
@@ -407,6 +406,12 @@ impl Hypothesis {
             _ => self,
         }
     }
+}
+
+/// What some parameters must gain to be believed: for each the logarithm of the number of samples, and the odds of having tried
+/// so many others in their place.
+pub(super) fn price(parameters: usize, samples: f64, tried: usize) -> f64 {
+    parameters as f64 * samples.ln().max(1.0) + 2.0 * (tried as f64).ln()
 }
 
 /// Which of two leaves less of all records.

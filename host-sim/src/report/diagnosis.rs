@@ -6,7 +6,7 @@ use super::plot::Role;
 use super::records::{Compared, records, short_name};
 use super::residual;
 use super::rows::{Row, Rows, Shape};
-use super::scale::{Axis, shown, shown_to};
+use super::scale::{Axis, shown, shown_by};
 use super::search::search;
 use crate::diagnose::description::Description;
 use crate::diagnose::{Diagnosis, Fault, Score, Side, Verdict};
@@ -156,7 +156,7 @@ fn tiles(diagnosis: &Diagnosis) -> Vec<Tile> {
         .zip(&diagnosis.before.estimates)
         .map(|(fault, before)| {
             let info = fault.estimate.parameter.info();
-            let q = |value| shown_to(value, info.unit, fault.estimate.standard_error);
+            let q = shown_by(&fault.estimate);
             let [low, high] = fault.estimate.ci95;
             Tile::new(
                 info.description,
@@ -191,7 +191,7 @@ fn found(case: &Diagnosed<'_>) -> Markup {
                 .chain(iter::repeat([const { String::new() }; 3]));
             found.estimates.iter().zip(of_effect).map(|(estimate, [name, port, others])| {
                 let info = estimate.parameter.info();
-                let q = |value| shown_to(value, info.unit, estimate.standard_error);
+                let q = shown_by(estimate);
                 let interval = format!("{} to {}", q(estimate.ci95[0]), q(estimate.ci95[1]));
                 vec![name, port, info.name.to_owned(), q(estimate.value), interval, others]
             })
@@ -349,7 +349,7 @@ fn estimates(diagnosis: &Diagnosis) -> Markup {
         .enumerate()
         .map(|(index, (after, before))| {
             let info = after.parameter.info();
-            let q = |value| shown_to(value, info.unit, after.standard_error);
+            let q = shown_by(after);
             let mixed_up = |fault: &Fault| diagnosis.names_or(&fault.confounded_with, "-");
             vec![
                 info.name.to_owned(),

@@ -3,7 +3,7 @@
 use super::page::{Tile, table};
 use super::plot::Role;
 use super::rows::{Row, Rows, Shape};
-use super::scale::{Axis, shown, shown_to};
+use super::scale::{Axis, shown, shown_by};
 use crate::fit::{Correlation, Estimate, Fit, NoiseSource};
 use eha_monitor::channel::Channel;
 use maud::{Markup, html};
@@ -11,7 +11,7 @@ use maud::{Markup, html};
 /// An estimate as a headline figure.
 pub(super) fn estimate_tile(estimate: &Estimate) -> Tile {
     let info = estimate.parameter.info();
-    let q = |value| shown_to(value, info.unit, estimate.standard_error);
+    let q = shown_by(estimate);
     Tile::new(
         info.description,
         q(estimate.value),
@@ -25,7 +25,7 @@ pub(super) fn estimate_table(estimates: &[Estimate]) -> Markup {
         .iter()
         .map(|estimate| {
             let info = estimate.parameter.info();
-            let q = |value| shown_to(value, info.unit, estimate.standard_error);
+            let q = shown_by(estimate);
             vec![
                 info.name.to_owned(),
                 info.symbol.to_owned(),

@@ -1,6 +1,7 @@
 //! Axes: from a quantity to its place, ticks at round numbers, units that read well.
 
-use crate::output::known_to;
+use crate::fit::Estimate;
+use crate::output::{in_digits_of, quantity};
 
 /// How values are spread along an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,12 +50,17 @@ fn least_margin(unit: &str) -> f64 {
 
 /// A quantity in words, as the tables of the terminal have it, in the typography of a page.
 pub(super) fn shown(value: f64, unit: &str) -> String {
-    shown_to(value, unit, f64::INFINITY)
+    typeset(&quantity(value, unit))
 }
 
-/// The same, with as many digits as it takes to show two of an error of the value.
-pub(super) fn shown_to(value: f64, unit: &str, error: f64) -> String {
-    known_to(value, unit, error).replace(" um", " µm").replace('-', "−")
+/// Values of an estimate's parameter likewise, with as many digits as its standard error asks for.
+pub(super) fn shown_by(estimate: &Estimate) -> impl Fn(f64) -> String {
+    let words = in_digits_of(estimate);
+    move |value| typeset(&words(value))
+}
+
+fn typeset(words: &str) -> String {
+    words.replace(" um", " µm").replace('-', "−")
 }
 
 impl Axis {

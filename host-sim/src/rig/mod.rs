@@ -142,6 +142,11 @@ impl Rig {
         self.free.iter().any(|range| range.parameter == parameter)
     }
 
+    /// Does it declare a parameter as a fault, or leave it free?
+    pub fn declares(&self, parameter: Parameter) -> bool {
+        self.is_free(parameter) || self.faults.iter().any(|range| range.parameter == parameter)
+    }
+
     /// What a diagnosis fits before it adds anything: the faults, then the other free parameters.
     pub fn declared(&self) -> Vec<Range> {
         let mut ranges = self.faults.clone();

@@ -127,10 +127,10 @@ fn doubt_json(doubt: &Doubt) -> Value {
 fn doubts_in_words(doubts: &[Doubt]) -> Option<String> {
     let instead = |doubt: &Doubt| {
         let Doubt { stated, estimate } = doubt;
-        let info = estimate.parameter.info();
-        let q = |value| output::known_to(value, info.unit, estimate.standard_error);
-        let [lower, upper] = estimate.ci95.map(q);
-        format!("{} = {} ({lower} to {upper}) in place of {}", info.name, q(estimate.value), q(*stated))
+        let q = output::in_digits_of(estimate);
+        let [lower, upper] = estimate.ci95.map(&q);
+        let name = estimate.parameter.info().name;
+        format!("{name} = {} ({lower} to {upper}) in place of {}", q(estimate.value), q(*stated))
     };
     (!doubts.is_empty()).then(|| {
         format!(

@@ -76,7 +76,7 @@ impl Job<'_> {
                 .iter()
                 .map(|estimate| {
                     let info = estimate.parameter.info();
-                    let q = |value| output::known_to(value, info.unit, estimate.standard_error);
+                    let q = output::in_digits_of(estimate);
                     format!(
                         "{} = {} ({} to {})",
                         info.name,
@@ -170,8 +170,8 @@ fn shade(left: Option<f64>, largest: f64) -> char {
 fn tables(diagnosis: &Diagnosis) -> impl Iterator<Item = Table> {
     let row = |before: &Estimate, after: &Estimate| {
         let info = after.parameter.info();
-        let q = |value| output::known_to(value, info.unit, after.standard_error);
-        let [lower, upper] = after.ci95.map(q);
+        let q = output::in_digits_of(after);
+        let [lower, upper] = after.ci95.map(&q);
         vec![info.name.to_owned(), q(before.value), q(after.value), format!("{lower} to {upper}")]
     };
     let (faults_before, free_before) = diagnosis.before.estimates.split_at(diagnosis.faults.len());

@@ -12,6 +12,7 @@ use crate::rig::Range;
 use crate::trace::Trace;
 use eha_monitor::channel::Channel;
 use eha_monitor::fit::identify::within_noise;
+use eha_monitor::fit::problem::Offset;
 use serde_json::{Value, json};
 
 /// Name of the result in the directory of `--out`.
@@ -160,10 +161,13 @@ fn constant_in_words(fitted: &Fitted) -> Option<String> {
     let left = fit::residual_series(&records, &fitted.fit.predictions, USER);
     let (mut constant, mut squares, mut largest) = (0.0, 0.0, 0.0_f64);
     for series in left.iter().map(|series| fit::present(series)) {
-        let count = series.len().max(1) as f64;
-        let mean = series.iter().sum::<f64>() / count;
-        constant += count * mean * mean;
-        squares += series.iter().map(|value| value * value).sum::<f64>();
+        let mut offset = Offset::NONE;
+        for value in series {
+            offset.add(value);
+            squares += value * value;
+        }
+        constant += offset.square();
+        let mean = offset.mean();
         largest = if mean.abs() > largest.abs() { mean } else { largest };
     }
     (!fitted.rig.command_offset && constant > MOSTLY * squares).then(|| {
