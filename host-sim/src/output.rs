@@ -394,8 +394,9 @@ pub fn effects_in_words(effects: &[&'static EffectInfo]) -> String {
 pub const OPEN_READING: &str = "these records do not tell how the command goes from sample to sample, or when the spool \
     sticks: the intervals hold every answer";
 
-/// What the user should know of how records were read.
-pub fn reading_notes(rig: &Rig) -> Vec<String> {
+/// What the user should know of how records were read. Where they are not explained, the reading is the one in which least is
+/// left, which makes it no fact.
+pub fn reading_notes(rig: &Rig, is_explained: bool) -> Vec<String> {
     let command = match rig.command_path {
         CommandPath::Open | CommandPath::Lines => None,
         CommandPath::Curve => Some("goes from sample to sample on a curve, not in straight lines"),
@@ -408,12 +409,10 @@ pub fn reading_notes(rig: &Rig) -> Vec<String> {
         "the spool sticks as soon as its driving force is below the breakaway friction, not only when it has fallen to the \
          sliding friction: no fault, but how its friction works",
     );
+    let read =
+        if is_explained { "the records are read so" } else { "least is left where the records are read so" };
     let command = command.map(|how| format!("the command {how}"));
-    command
-        .into_iter()
-        .chain(spool.map(str::to_owned))
-        .map(|how| format!("the records are read so: {how}"))
-        .collect()
+    command.into_iter().chain(spool.map(str::to_owned)).map(|how| format!("{read}: {how}")).collect()
 }
 
 /// The configuration that a result was made with, resolved.

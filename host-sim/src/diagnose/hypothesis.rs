@@ -242,7 +242,12 @@ impl Hypothesis {
     }
 
     pub(super) fn same_effects(&self, other: &Self) -> bool {
-        self.added.len() == other.added.len() && self.added.iter().all(|effect| other.has(effect))
+        self.is_of(&other.added)
+    }
+
+    /// Are these all its effects?
+    pub(super) fn is_of(&self, effects: &[&EffectInfo]) -> bool {
+        self.added.len() == effects.len() && effects.iter().all(|effect| self.has(effect))
     }
 
     /// How far the fitted records leave its faults open; they are those that the model was made with, and it leaves noise

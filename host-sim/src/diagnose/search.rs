@@ -174,7 +174,7 @@ pub(super) fn search(
         return Ok(sound);
     }
     let Known { model, suggested } = known;
-    let mut growth = Growth { case, tried: model.into_iter().collect(), suggested };
+    let mut growth = Growth::new(case, model.into_iter().collect(), suggested);
     let FirstRound { root, grown, .. } = first;
     let root = [root];
     let beam = growth.chosen(&root, grown);
@@ -199,6 +199,7 @@ pub(super) fn search(
         let singles = growth.singles();
         let beam = growth.or_followed(Vec::new(), &singles, settings, [0.6, 0.65]);
         growth.run(beam, [0.6, 0.65]);
+        growth.look_again();
         growth.run_from_afar(settings);
     }
     let mut tried = growth.tried;
@@ -259,7 +260,7 @@ fn taken_over(case: &Case<'_>, first: &FirstRound, known: &Known<'_>) -> Option<
 /// The best of a search that ends as soon as what is left of the fitted records may be noise, or with so many effects, and
 /// looks for nothing to which no slope leads.
 pub(super) fn sketch(case: &Case<'_>, FirstRound { root, grown, .. }: FirstRound, most: usize) -> Hypothesis {
-    let mut growth = Growth { case, tried: Vec::new(), suggested: None };
+    let mut growth = Growth::new(case, Vec::new(), None);
     let beam = growth.chosen(slice::from_ref(&root), grown);
     growth.run_until(beam, [0.1, 1.0], |best| best.added.len() >= most || within_noise(&best.train.misfit));
     cheapest(growth.tried.iter()).unwrap_or(&root).clone()
@@ -272,9 +273,15 @@ struct Growth<'a> {
     tried: Vec<Hypothesis>,
     /// One that is fitted to these records when as many effects are tried.
     suggested: Option<Suggested<'a>>,
+    /// Effects each of which was looked for beside the others.
+    looked_again: Vec<Vec<&'static EffectInfo>>,
 }
 
-impl Growth<'_> {
+impl<'a> Growth<'a> {
+    const fn new(case: &'a Case<'a>, tried: Vec<Hypothesis>, suggested: Option<Suggested<'a>>) -> Self {
+        Self { case, tried, suggested, looked_again: Vec::new() }
+    }
+
     /// Grows hypotheses as long as that helps, between two shares of the whole.
     fn run(&mut self, beam: Vec<Hypothesis>, shares: [f64; 2]) {
         self.run_until(beam, shares, |_| false);
@@ -379,7 +386,7 @@ impl Growth<'_> {
     /// Does something that was tried or is suggested leave noise, of effects that earn their place, is another explanation
     /// cheaper, or is the user in a hurry?
     fn is_done(&self) -> bool {
-        let Self { case, tried, suggested } = self;
+        let Self { case, tried, suggested, .. } = self;
         let explains = |known: &Hypothesis| known.leaves_noise(case) && known.is_welcome(case, tried);
         // What is suggested was found in other records.
         case.is_over()
@@ -433,7 +440,7 @@ impl Growth<'_> {
     }
 
     /// Where nothing that was tried leaves noise: looks for each effect of the best beside the others, since each was found
-    /// beside fewer, and grows what is better for it.
+    /// beside fewer, and grows what is better for it, less what it is as good without. Once for the same effects.
     fn look_again(&mut self) {
         if self.is_done() {
             return;
@@ -442,7 +449,10 @@ impl Growth<'_> {
         let several = self.tried.iter().filter(|known| known.added.len() > 1);
         let scale = least_scale(self.tried.iter());
         let best = several.min_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)));
-        let Some(best) = best else { return };
+        let Some(best) = best.filter(|best| !self.looked_again.iter().any(|known| best.is_of(known))) else {
+            return;
+        };
+        self.looked_again.push(best.added.clone());
         case.progress.begin("looking again for what was found", [0.6, 0.65]);
         case.progress.expect(best.added.len());
         let anew = best.added.par_iter().filter_map(|effect| {
@@ -454,6 +464,8 @@ impl Growth<'_> {
         if let Some(better) = anew.filter(|anew| anew.cost(scale) < best.cost(scale) - TOLD_APART) {
             self.tried.retain(|known| !known.same_effects(&better));
             self.tried.push(better.clone());
+            let better =
+                if better.leaves_noise(case) { better.pruned(case, &mut self.tried).0 } else { better };
             self.run(vec![better], [0.6, 0.65]);
         }
     }
@@ -586,9 +598,9 @@ fn asked(tried: &[Hypothesis]) -> Option<&Hypothesis> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::super::signature::tests::{record, with};
-    use super::{Case, Growth, Hypothesis, Rival, Suggested};
+    use super::{Case, Growth, Hypothesis, Rival, Suggested, cheapest};
     use crate::fit;
-    use crate::rig::Rig;
+    use crate::rig::{Range, Rig};
     use eha_monitor::effect::EffectInfo;
     use eha_monitor::parameter::Parameter;
 
@@ -607,7 +619,7 @@ pub(super) mod tests {
         let is_beaten = |tried: &[&str], rival: Rival| {
             let case = Case { rival: Some(rival), ..Case::new(&rig, &records, 1) };
             let known = model(&case, &rig, tried);
-            Growth { case: &case, tried: vec![known], suggested: None }.is_beaten()
+            Growth::new(&case, vec![known], None).is_beaten()
         };
         let rival = Rival { scale: 2.0, cost: 0.0, cost_of_fitted: 0.0, leaves_noise: false, effects: 1 };
         assert!(!is_beaten(&[], rival));
@@ -630,12 +642,48 @@ pub(super) mod tests {
             let suggested = suggested.map(|model| Suggested { model, explanation: None });
             let case = Case::new(&rig, records, 1);
             let tried = vec![model(&case, &rig, &[])];
-            Growth { case: &case, tried, suggested }.is_done()
+            Growth::new(&case, tried, suggested).is_done()
         };
         assert!(!is_done(&begin, None));
         assert!(is_done(&begin, Some(&found)));
         assert!(is_done(&whole, Some(&found)));
         assert!(!is_done(&other, Some(&found)));
+    }
+
+    #[test]
+    fn what_is_found_again_is_kept_without_what_it_is_as_good_without() {
+        let rig = Rig::load("eha").unwrap();
+        let truth = with(&with(&rig, Parameter::StepLoad, -1400.0), Parameter::StepLoadTime, 0.3);
+        let records = [record(&truth)];
+        let case = Case::new(&rig, &records, 1);
+        // The load is caught where another jerk of the record is, with a leak beside it that makes up for a part of that.
+        let added = ["leakage", "step-load"].map(|name| EffectInfo::named(name).unwrap());
+        let late = Range { parameter: Parameter::StepLoadTime, lower: 0.7, upper: 0.9 };
+        let [leak, load] = [(Parameter::Leakage, 1e-11), (Parameter::StepLoad, 1e3)]
+            .map(|(parameter, size)| Range::around(parameter, 0.0, size));
+        let ranges = [&rig.faults[..], &[leak, load, late]].concat();
+        let with_both = Rig { effects: added.to_vec(), ..rig.clone() };
+        let fit = fit::approach(&with_both, &ranges, &[0.0, 400.0, 1e-12, -500.0, 0.8], &records, 4).unwrap();
+        let caught = Hypothesis::of(
+            &case,
+            fit.applied(&with_both, &ranges),
+            ranges,
+            [fit.clone(), fit],
+            added.to_vec(),
+        );
+        let mut growth = Growth::new(&case, vec![model(&case, &rig, &[]), caught.clone()], None);
+        growth.look_again();
+        assert!(growth.is_done());
+        let best = cheapest(growth.tried.iter()).unwrap();
+        assert!(best.is_of(&added[1..]), "{:?}", best.added);
+        let time = best.rig.parameters.get(Parameter::StepLoadTime);
+        assert!((time - 0.3).abs() < 1e-3, "{time}");
+        // The same effects are looked for once.
+        growth.tried = vec![model(&case, &rig, &[]), caught];
+        let before = fit::spent_s(&records);
+        growth.look_again();
+        assert!(!growth.is_done());
+        assert!(fit::spent_s(&records) - before < 1e-3);
     }
 
     #[test]
@@ -649,7 +697,7 @@ pub(super) mod tests {
             [&["constant-load"][..], &["constant-load", "leakage"]].map(|added| model(&case, &truth, added));
         let names = |suggested: Option<&Hypothesis>| -> Vec<&str> {
             let suggested = suggested.map(|model| Suggested { model, explanation: None });
-            let mut growth = Growth { case: &case, tried: Vec::new(), suggested };
+            let mut growth = Growth::new(&case, Vec::new(), suggested);
             let beam = growth.chosen(std::slice::from_ref(&root), Vec::new());
             assert_eq!(growth.suggested.is_some(), beam.is_empty() && suggested.is_some());
             beam.iter().flat_map(|model| &model.added).map(|effect| effect.name).collect()

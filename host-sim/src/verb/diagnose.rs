@@ -351,12 +351,13 @@ impl Job<'_> {
     fn warnings(&self, diagnosis: &Diagnosis) -> Vec<String> {
         let mut warnings = self.record_notes.clone();
         let sample_period = self.train[0].sample_period_s();
+        let is_explained = diagnosis.verdict != Verdict::Unexplained;
         if let Some(early) = diagnosis.early {
             let more = if early == Early::OutOfEffort { "; --effort allows more" } else { "" };
             let early = early.in_words();
             warnings.push(format!("{early}: effects that were not tried yet are not ruled out{more}"));
         }
-        if diagnosis.verdict == Verdict::Unexplained && !diagnosis.faults.is_empty() {
+        if !is_explained && !diagnosis.faults.is_empty() {
             warnings.push(
                 "something is left that no effect explains: what it does to the faults is not in their intervals".to_owned(),
             );
@@ -374,12 +375,13 @@ impl Job<'_> {
                     .to_owned(),
             );
         }
-        warnings.extend(output::reading_notes(&diagnosis.rig));
+        warnings.extend(output::reading_notes(&diagnosis.rig, is_explained));
+        let doubt = if is_explained { "" } else { ", unless that is a part of what is left" };
         for (name, jumps) in self.names.iter().zip(diagnosis.jumps.iter().flatten()) {
             let times: Vec<String> = jumps.iter().map(|time| format!("{time:.5}")).collect();
             if !times.is_empty() {
                 warnings.push(format!(
-                    "{name}: the command jumps between samples, as the answer to each jump tells: at {} s",
+                    "{name}: the command jumps between samples, as the answer to each jump tells: at {} s{doubt}",
                     times.join(", ")
                 ));
             }

@@ -98,7 +98,7 @@ fn notes(fitted: &Fitted) -> Vec<String> {
     let mut notes = fitted.record_notes.clone();
     notes.extend(fit::remarks(&fit.estimates, &fitted.ranges, Bounds::Option));
     notes.extend(output::correlation_warnings(fit));
-    notes.extend(output::reading_notes(&fitted.rig));
+    notes.extend(output::reading_notes(&fitted.rig, within_noise(&fit.misfit)));
     notes.extend(held_in_words(fitted));
     if !fitted.rig.calibration.beside(&fitted.ranges).is_empty() {
         notes.push("the intervals hold what the calibration of the rig leaves open, too".to_owned());

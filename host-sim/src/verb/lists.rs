@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::output::{self, SCHEMA};
 use crate::rig::{self, BUILT_IN, Rig};
 use eha_monitor::command::{COMMANDS, Shape};
-use eha_monitor::effect::EFFECTS;
+use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::parameter::{Parameter, ParameterInfo};
 use serde_json::{Value, json};
 
@@ -35,26 +35,21 @@ pub fn effects(common: &Common) -> Result<(), Failure> {
             .collect();
         return output::print_json(&json!({ "schema": SCHEMA, "effects": list }));
     }
-    let mut table = output::table(["effect", "port", "parameter", "unit", "absent", "range"]);
-    for column in table.column_iter_mut() {
-        column.set_cell_alignment(comfy_table::CellAlignment::Left);
-    }
-    for effect in EFFECTS {
-        for (index, parameter) in effect.parameters.iter().enumerate() {
-            let info = parameter.info();
-            let first = index == 0;
-            table.add_row([
-                if first { effect.name.to_owned() } else { String::new() },
-                if first { effect.port.name().to_owned() } else { String::new() },
-                info.name.to_owned(),
-                info.unit.to_owned(),
-                output::plain(info.default),
-                format!("{} to {}", output::plain(info.lower), output::plain(info.upper)),
-            ]);
-        }
-        table.add_row([String::new(), String::new(), effect.equation.to_owned()]);
-    }
-    output::print(&table.to_string())
+    let parameters = || EFFECTS.iter().flat_map(|effect| effect.parameters).map(|parameter| parameter.info());
+    let width = parameters().map(|info| info.name.len()).max().unwrap_or(0);
+    let row = |parameter: &Parameter| {
+        let ParameterInfo { name, unit, default, lower, upper, .. } = parameter.info();
+        let [absent, lower, upper] = [default, lower, upper].map(|&value| output::plain(value));
+        let unit = if *unit == "1" { "" } else { unit };
+        let range = format!("{lower} to {upper} {unit}");
+        format!("\n    {name:width$}  {}, {absent} where it is absent", range.trim_end())
+    };
+    let entry = |effect: &EffectInfo| {
+        let rows: String = effect.parameters.iter().map(row).collect();
+        format!("{} ({}): {}{rows}", effect.name, effect.port.name(), effect.equation)
+    };
+    let entries: Vec<String> = EFFECTS.iter().map(entry).collect();
+    output::print(&entries.join("\n"))
 }
 
 /// Lists the commands.
