@@ -5,6 +5,7 @@ use std::path::Path;
 
 use eha_monitor::channel::Channel;
 use flate2::{Compression, write::ZlibEncoder};
+use hdf5_pure::FileBuilder;
 use hdf5_pure::mat::{MatBuilder, MatError, Options};
 use host_sim::record::{
     Loaded, Mapping, Problem, ReadOptions, RecordError, parse_csv, parse_mat, read_mat, read_mat_with,
@@ -89,20 +90,21 @@ impl Level5 {
     }
 
     fn structure(&self, name: &str, fields: &[(&str, Vec<u8>)]) -> Vec<u8> {
-        let mut body = self.head(2, name, &[1, 1]);
+        let (names, values): (Vec<&str>, Vec<Vec<u8>>) = fields.iter().cloned().unzip();
+        self.structures(name, &names, &[values])
+    }
+
+    /// A row of structures, each with its fields.
+    fn structures(&self, name: &str, names: &[&str], structures: &[Vec<Vec<u8>>]) -> Vec<u8> {
+        let mut body = self.head(2, name, &[1, structures.len() as u32]);
         body.extend(self.element(5, &self.word(8)));
-        let names: Vec<u8> = fields
-            .iter()
-            .flat_map(|(name, _)| {
-                let mut padded = name.as_bytes().to_vec();
-                padded.resize(8, 0);
-                padded
-            })
-            .collect();
-        body.extend(self.element(1, &names));
-        for (_, field) in fields {
-            body.extend_from_slice(field);
-        }
+        let padded = |name: &&str| {
+            let mut padded = name.as_bytes().to_vec();
+            padded.resize(8, 0);
+            padded
+        };
+        body.extend(self.element(1, &names.iter().flat_map(padded).collect::<Vec<u8>>()));
+        body.extend(structures.concat().concat());
         self.element(14, &body)
     }
 
@@ -179,6 +181,43 @@ fn fields_of_structures_are_reached_by_their_path() {
         let none = message(&bytes, &["command_m=data.none", "lvdt_m=data.pos"]);
         assert!(none.starts_with("run.mat: `command_m=data.none` is missing: found "), "{none}");
         assert!(none.contains("`data.pos`") && none.contains("`data.inner.ref`"), "{none}");
+    }
+}
+
+#[test]
+fn one_of_an_array_of_structures_is_reached_by_its_number() {
+    // What a simulation logs as "structure with time": one time, and a structure for each signal.
+    let reference: Vec<f64> = motion().iter().map(|position| 2.0 * position).collect();
+    let file = Level5::new(true);
+    let signal = |values: &[f64]| vec![file.column("", values), file.column("", &[1.0])];
+    let signals = file.structures("", &["values", "dims"], &[signal(&reference), signal(&motion())]);
+    let log = file.structure("log", &[("time", file.column("", &times())), ("signals", signals)]);
+    let level5 = file.with(&log).bytes;
+    let mut file = FileBuilder::new();
+    for (name, values) in [("a", &reference), ("b", &motion())] {
+        file.create_dataset(name).with_f64_data(values);
+    }
+    let mut log = file.create_group("log");
+    log.create_dataset("time").with_f64_data(&times());
+    let mut signals = file.create_group("signals");
+    signals.create_dataset("values").with_path_references(&["a", "b"]);
+    log.add_group(signals.finish());
+    file.add_group(log.finish());
+    let level73 = file.finish().expect("in memory");
+
+    for bytes in [level5, level73] {
+        let columns = ["t_s=log.time", "command_m=log.signals(1).values", "lvdt_m=log.signals(2).values"];
+        let record = parse(&bytes, &columns).expect("valid").record;
+        let channel = |channel| record.channel(channel).expect("it has one")[5];
+        assert_eq!(channel(Channel::Command), reference[5]);
+        assert_eq!(channel(Channel::UserPosition), motion()[5]);
+        let without =
+            |command: &str| message(&bytes, &["t_s=log.time", command, "lvdt_m=log.signals(2).values"]);
+        let of_none = without("command_m=log.signals(3).values");
+        assert!(of_none.contains("`log.signals(1).values`"), "{of_none}");
+        assert!(of_none.contains("`log.signals(2).values`"), "{of_none}");
+        let of_all = without("command_m=log.signals.values");
+        assert!(of_all.contains("structures, expected a real numeric vector"), "{of_all}");
     }
 }
 

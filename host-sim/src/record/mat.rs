@@ -42,6 +42,15 @@ enum Variable {
     Other(String),
 }
 
+/// A name in a path and, where it is followed by the number of one structure of an array (`signals(2)`), its place, from 0.
+fn indexed(name: &str) -> (&str, Option<usize>) {
+    let split = || {
+        let (name, number) = name.strip_suffix(')')?.split_once('(')?;
+        Some((name, number.trim().parse::<usize>().ok()?.checked_sub(1)?))
+    };
+    split().map_or((name, None), |(name, place)| (name, Some(place)))
+}
+
 /// The two families of MAT files, decoded.
 enum Contents {
     V5(v5::Variables),

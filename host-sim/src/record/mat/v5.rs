@@ -8,7 +8,7 @@ use std::io::Read;
 
 use flate2::read::ZlibDecoder;
 
-use super::{Array, Variable};
+use super::{Array, Variable, indexed};
 
 /// Bytes of the header; the last four are the version and the byte order.
 const HEADER: usize = 128;
@@ -36,8 +36,12 @@ pub(super) struct Variables(Vec<(String, Node)>);
 /// A variable, or a field of a structure.
 enum Node {
     Leaf(Variable),
-    Structure(Vec<(String, Node)>),
+    /// A structure, or an array of them.
+    Structures(Vec<Fields>),
 }
+
+/// The fields of a structure.
+type Fields = Vec<(String, Node)>;
 
 impl Variables {
     pub(super) fn decode(bytes: &[u8]) -> Result<Self, String> {
@@ -75,15 +79,20 @@ impl Variables {
         let mut nodes = &self.0;
         let mut names = path.split('.').peekable();
         while let Some(name) = names.next() {
+            let (name, element) = indexed(name);
             let (_, node) = nodes.iter().find(|(other, _)| other == name)?;
-            match (node, names.peek()) {
-                (Node::Leaf(variable), None) => return Some(variable.clone()),
-                (Node::Structure(_), None) => return Some(Variable::Other("a structure".to_owned())),
-                (Node::Structure(fields), Some(_)) => nodes = fields,
-                (Node::Leaf(_), Some(_)) => return None,
-            }
+            let fields = match (node, element) {
+                (Node::Leaf(variable), None) if names.peek().is_none() => return Some(variable.clone()),
+                (Node::Leaf(_), _) => return None,
+                (Node::Structures(all), Some(element)) => all.get(element)?,
+                (Node::Structures(all), None) => match &all[..] {
+                    [only] => only,
+                    _ => return Some(Variable::Other(format!("an array of {} structures", all.len()))),
+                },
+            };
+            nodes = fields;
         }
-        None
+        Some(Variable::Other("a structure".to_owned()))
     }
 }
 
@@ -91,7 +100,14 @@ fn list(nodes: &[(String, Node)], prefix: &str, paths: &mut Vec<String>) {
     for (name, node) in nodes {
         match node {
             Node::Leaf(_) => paths.push(format!("{prefix}{name}")),
-            Node::Structure(fields) => list(fields, &format!("{prefix}{name}."), paths),
+            Node::Structures(all) => match &all[..] {
+                [only] => list(only, &format!("{prefix}{name}."), paths),
+                _ => {
+                    for (index, fields) in all.iter().enumerate() {
+                        list(fields, &format!("{prefix}{name}({}).", index + 1), paths);
+                    }
+                }
+            },
         }
     }
 }
@@ -167,8 +183,7 @@ impl Element<'_> {
         let count = extents.iter().try_fold(1_usize, |product, &extent| product.checked_mul(extent));
         let name = text(input.element()?.bytes);
         let node = match class {
-            CLASS_STRUCTURE if count == Some(1) => input.structure(depth)?,
-            CLASS_STRUCTURE => other("an array of structures"),
+            CLASS_STRUCTURE => Node::Structures(input.structures(count.unwrap_or(usize::MAX), depth)?),
             CLASS_CELL => other("a cell array"),
             CLASS_TEXT => other("text"),
             class if !CLASS_NUMERIC.contains(&class) => other("a sparse array or other data"),
@@ -188,24 +203,27 @@ impl Element<'_> {
 }
 
 impl Input<'_> {
-    /// The fields of a structure: the length of a name, the names, one array for each.
-    fn structure(&mut self, depth: u32) -> Result<Node, String> {
+    /// So many structures: the length of a name, the names, one array for each name of each structure.
+    fn structures(&mut self, count: usize, depth: u32) -> Result<Vec<Fields>, String> {
         if depth >= MOST_NESTED {
             return Err(format!("structures nested deeper than {MOST_NESTED}"));
         }
         let big_endian = self.big_endian;
         let width = words(self.element()?.bytes, big_endian).next().unwrap_or_default() as usize;
         let names = self.element()?.bytes;
-        if width == 0 {
-            return Ok(Node::Structure(Vec::new()));
+        if width == 0 || names.len() < width {
+            return Ok(vec![Vec::new()]);
         }
-        let mut fields = Vec::new();
-        for name in names.chunks_exact(width) {
-            if let Some((_, node)) = self.element()?.matrix(big_endian, depth + 1)? {
-                fields.push((text(name), node));
+        let mut fields_of_one = || {
+            let mut fields = Vec::new();
+            for name in names.chunks_exact(width) {
+                if let Some((_, node)) = self.element()?.matrix(big_endian, depth + 1)? {
+                    fields.push((text(name), node));
+                }
             }
-        }
-        Ok(Node::Structure(fields))
+            Ok(fields)
+        };
+        (0..count).map(|_| fields_of_one()).collect()
     }
 }
 

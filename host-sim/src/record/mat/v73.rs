@@ -1,8 +1,8 @@
 //! MAT files of v7.3: HDF5 with datasets for arrays and groups for structures.
 
-use hdf5_pure::{AttrValue, DType, Dataset, File, Group};
+use hdf5_pure::{AttrValue, DType, Dataset, File, Group, Object};
 
-use super::{Array, Variable};
+use super::{Array, Variable, indexed};
 
 /// Where the HDF5 part of a file may start: at once, or behind the header that MATLAB puts before it.
 const STARTS: [usize; 2] = [0, 512];
@@ -37,13 +37,37 @@ impl Variables {
     }
 
     pub(super) fn find(&self, path: &str) -> Option<Result<Variable, String>> {
-        let path = path.replace('.', "/");
-        match self.file.dataset(&path) {
-            Ok(dataset) => Some(read(&dataset)),
-            Err(_) if self.file.group(&path).is_ok() => Some(Ok(Variable::Other("a structure".to_owned()))),
-            Err(_) => None,
+        let (mut object, mut element) = (Object::Group(self.file.root()), None);
+        for name in path.split('.') {
+            let Object::Group(group) = &object else { return None };
+            let (name, next) = indexed(name);
+            object = member(group, name, element)?;
+            element = next;
+        }
+        match (object, element) {
+            (Object::Dataset(dataset), None) => Some(read(&dataset)),
+            (Object::Group(_), _) => Some(Ok(Variable::Other("a structure".to_owned()))),
+            _ => None,
         }
     }
+}
+
+/// A field of a structure, or of one of an array of them, whose fields are references.
+fn member(group: &Group, name: &str, element: Option<usize>) -> Option<Object> {
+    match (group.dataset(name), element) {
+        (Ok(field), Some(element)) if is_of_array(&field) => {
+            field.dereference().ok()?.into_iter().nth(element)
+        }
+        (Ok(field), None | Some(0)) => Some(Object::Dataset(Box::new(field))),
+        (Err(_), None | Some(0)) => group.group(name).ok().map(Object::Group),
+        _ => None,
+    }
+}
+
+/// Does it hold a field of each structure of an array?
+fn is_of_array(dataset: &Dataset) -> bool {
+    let has_class = dataset.attrs().is_ok_and(|attributes| attributes.contains_key(CLASS));
+    !has_class && dataset.dtype().is_ok_and(|kind| matches!(kind, DType::ObjectReference))
 }
 
 fn read(dataset: &Dataset) -> Result<Variable, String> {
@@ -72,6 +96,7 @@ fn read(dataset: &Dataset) -> Result<Variable, String> {
         | DType::U32
         | DType::U64 => false,
         DType::Compound(_) => return other("complex numbers or a compound"),
+        DType::ObjectReference => return other("a field of an array of structures"),
         _ => return other("data that are not numbers"),
     };
     // HDF5 counts extents from the slowest, MATLAB from the fastest.
@@ -89,17 +114,29 @@ fn text(value: &AttrValue) -> Option<&str> {
     }
 }
 
-/// Appends the paths of the datasets of a group, without those that MATLAB keeps for itself.
-fn list(group: &Group, prefix: &str, depth: u32, paths: &mut Vec<String>) {
+/// Appends the paths of the datasets of a group, without those that MATLAB keeps for itself; of an array of structures, those
+/// that are fields of each.
+fn list(group: &Group, owner: &str, depth: u32, paths: &mut Vec<String>) {
     let own = |name: &String| !name.starts_with('#');
-    let datasets = group.datasets().unwrap_or_default();
-    paths.extend(datasets.into_iter().filter(own).map(|name| format!("{prefix}{name}")));
+    let path =
+        |owner: &str, name: &str| if owner.is_empty() { name.to_owned() } else { format!("{owner}.{name}") };
+    for name in group.datasets().unwrap_or_default().into_iter().filter(own) {
+        let field = group.dataset(&name).ok().filter(is_of_array);
+        match field.and_then(|field| field.dereference().ok()) {
+            None => paths.push(path(owner, &name)),
+            Some(objects) => {
+                let is_dataset = |(_, object): &(usize, Object)| matches!(object, Object::Dataset(_));
+                let listed = objects.into_iter().enumerate().filter(is_dataset);
+                paths.extend(listed.map(|(index, _)| path(&format!("{owner}({})", index + 1), &name)));
+            }
+        }
+    }
     if depth == MOST_NESTED {
         return;
     }
     for name in group.groups().unwrap_or_default().into_iter().filter(own) {
         if let Ok(inner) = group.group(&name) {
-            list(&inner, &format!("{prefix}{name}."), depth + 1, paths);
+            list(&inner, &path(owner, &name), depth + 1, paths);
         }
     }
 }
