@@ -100,14 +100,12 @@ fn list(nodes: &[(String, Node)], prefix: &str, paths: &mut Vec<String>) {
     for (name, node) in nodes {
         match node {
             Node::Leaf(_) => paths.push(format!("{prefix}{name}")),
-            Node::Structures(all) => match &all[..] {
-                [only] => list(only, &format!("{prefix}{name}."), paths),
-                _ => {
-                    for (index, fields) in all.iter().enumerate() {
-                        list(fields, &format!("{prefix}{name}({}).", index + 1), paths);
-                    }
+            Node::Structures(all) => {
+                for (index, fields) in all.iter().enumerate() {
+                    let number = if all.len() == 1 { String::new() } else { format!("({})", index + 1) };
+                    list(fields, &format!("{prefix}{name}{number}."), paths);
                 }
-            },
+            }
         }
     }
 }
