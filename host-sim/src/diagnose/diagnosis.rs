@@ -139,9 +139,14 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
+    /// Is more than noise left, so that the records do not speak for how they were read?
+    pub fn is_unexplained(&self) -> bool {
+        self.verdict == Verdict::Unexplained
+    }
+
     /// The verdict for a person. What explains the records does so whatever was not tried for want of effort.
     pub fn verdict_in_words(&self) -> String {
-        let is_open = |early: &Early| *early == Early::Interrupted || self.verdict == Verdict::Unexplained;
+        let is_open = |early: &Early| *early == Early::Interrupted || self.is_unexplained();
         let early = self.early.filter(is_open);
         let so_far = early.map_or_else(String::new, |early| format!(" so far ({})", early.in_words()));
         format!("{}{so_far}", self.verdict.name())
@@ -171,11 +176,7 @@ impl Diagnosis {
 
     /// Which values those after an effect was added are, for a person.
     pub fn after_in_words(&self) -> &'static str {
-        if self.holdout.is_some() && self.verdict != Verdict::Unexplained {
-            "after, of all records"
-        } else {
-            "after"
-        }
+        if self.holdout.is_some() && !self.is_unexplained() { "after, of all records" } else { "after" }
     }
 
     /// Widens the intervals to hold those of the same model on another path of the command, which may be it as well.

@@ -2,7 +2,7 @@
 
 use super::Case;
 use super::candidate;
-use super::diagnosis::{Diagnosis, Verdict};
+use super::diagnosis::Diagnosis;
 use super::hypothesis::price;
 use super::place::Place;
 use super::residual::MEASURED;
@@ -36,7 +36,7 @@ pub struct Doubt {
 /// The parameters that the rig of a case may have wrong in place of what a diagnosis found, or did not find: the one that leaves
 /// least, and those that the records do not tell from it.
 pub(super) fn doubts(case: &Case<'_>, diagnosis: &Diagnosis) -> Vec<Doubt> {
-    let is_unexplained = diagnosis.verdict == Verdict::Unexplained;
+    let is_unexplained = diagnosis.is_unexplained();
     let own = Reading { rig: case.rig.reading_as(&diagnosis.rig), records: diagnosis.records.clone() };
     // What explains the records says how they are to be read.
     let mut others = if is_unexplained { Reading::all(case.rig, case.records) } else { Vec::new() };

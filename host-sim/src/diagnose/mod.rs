@@ -119,13 +119,13 @@ fn in_each_way(case: &Case<'_>, settings: &FitSettings) -> Diagnosis {
     let is_unexplained = answer.is_unexplained();
     let mut diagnosis = answer.diagnosis;
     match between {
-        Between::Found(other) if is_unexplained || other.verdict != Verdict::Unexplained => {
+        Between::Found(other) if is_unexplained || !other.is_unexplained() => {
             diagnosis = *other;
         }
         Between::Open(estimates) if !is_unexplained => diagnosis.hold(&estimates),
         _ => {}
     }
-    if diagnosis.verdict != Verdict::Unexplained || case.is_over() {
+    if !diagnosis.is_unexplained() || case.is_over() {
         return diagnosis;
     }
     let colour: [f64; MEASURED] = std::array::from_fn(|channel| {

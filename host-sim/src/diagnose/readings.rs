@@ -46,7 +46,7 @@ pub(super) struct Answer {
 
 impl Answer {
     pub(super) fn is_unexplained(&self) -> bool {
-        self.diagnosis.verdict == Verdict::Unexplained
+        self.diagnosis.is_unexplained()
     }
 
     /// Do the records speak for it against one in another reading? All of them; where both leave more than noise, the terms

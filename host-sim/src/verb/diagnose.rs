@@ -4,7 +4,7 @@ use super::files::{Files, common_samples};
 use super::{DEFAULT_RIG, InputOptions};
 use crate::cli::Common;
 use crate::diagnose::{
-    Case, Diagnosis, Doubt, EFFORT_BOUNDS_S, EFFORT_PER_SECOND, Early, Found, Score, Side, Verdict, diagnose,
+    Case, Diagnosis, Doubt, EFFORT_BOUNDS_S, EFFORT_PER_SECOND, Early, Found, Score, Side, diagnose,
 };
 use crate::failure::Failure;
 use crate::fit::{self, Bounds, Estimate, FitSettings, LoopScore, Prepared};
@@ -204,7 +204,7 @@ impl Job<'_> {
         let settings = FitSettings { seed: self.common.seed, ..FitSettings::default() };
         let bar = output::bar(self.common, 100, "diagnosing", Time::Gone);
         let mut diagnosis = diagnose(&case, &settings, &|stage| output::show_stage(&bar, stage));
-        if diagnosis.verdict == Verdict::Unexplained
+        if diagnosis.is_unexplained()
             && diagnosis.early.is_none()
             && fit::is_command_late(
                 &self.rig,
@@ -351,7 +351,7 @@ impl Job<'_> {
     fn warnings(&self, diagnosis: &Diagnosis) -> Vec<String> {
         let mut warnings = self.record_notes.clone();
         let sample_period = self.train[0].sample_period_s();
-        let is_explained = diagnosis.verdict != Verdict::Unexplained;
+        let is_explained = !diagnosis.is_unexplained();
         if let Some(early) = diagnosis.early {
             let more = if early == Early::OutOfEffort { "; --effort allows more" } else { "" };
             let early = early.in_words();
@@ -504,7 +504,7 @@ fn next_experiment(job: &Job<'_>, diagnosis: &Diagnosis) -> String {
         format!(
             "fly a command with more reversals at low amplitude, and one at high velocity: these records do not tell {open}"
         )
-    } else if diagnosis.verdict == Verdict::Unexplained {
+    } else if diagnosis.is_unexplained() {
         let repeat =
             "repeat the same command: what repeats with it is in the actuator, what does not is outside";
         let is_placed = diagnosis.acts.is_some_and(|side| side != Side::Loop);

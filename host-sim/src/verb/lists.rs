@@ -16,6 +16,19 @@ fn parameter_json(info: &ParameterInfo) -> Value {
     })
 }
 
+/// Prints names with what they stand for.
+fn print_described<'a>(
+    header: [&str; 2],
+    described: impl Iterator<Item = [&'a str; 2]>,
+) -> Result<(), Failure> {
+    let mut table = output::table(header);
+    table.add_rows(described);
+    for column in table.column_iter_mut() {
+        column.set_cell_alignment(comfy_table::CellAlignment::Left);
+    }
+    output::print(&table.to_string())
+}
+
 /// Lists the effects.
 ///
 /// # Errors
@@ -71,14 +84,10 @@ pub fn commands(common: &Common) -> Result<(), Failure> {
             .collect();
         return output::print_json(&json!({ "schema": SCHEMA, "commands": list }));
     }
-    let mut table = output::table(["command", "what it does"]);
-    for command in &COMMANDS {
-        table.add_row([command.name, command.description]);
-    }
-    for column in table.column_iter_mut() {
-        column.set_cell_alignment(comfy_table::CellAlignment::Left);
-    }
-    output::print(&table.to_string())
+    print_described(
+        ["command", "what it does"],
+        COMMANDS.iter().map(|command| [command.name, command.description]),
+    )
 }
 
 /// Options of `rigs`.
@@ -117,12 +126,8 @@ pub fn rigs(common: &Common, options: &RigsOptions) -> Result<(), Failure> {
             .collect();
         return output::print_json(&json!({ "schema": SCHEMA, "rigs": list }));
     }
-    let mut table = output::table(["rig", "what it is"]);
-    for built_in in &BUILT_IN {
-        table.add_row([built_in.name, built_in.description]);
-    }
-    for column in table.column_iter_mut() {
-        column.set_cell_alignment(comfy_table::CellAlignment::Left);
-    }
-    output::print(&table.to_string())
+    print_described(
+        ["rig", "what it is"],
+        BUILT_IN.iter().map(|built_in| [built_in.name, built_in.description]),
+    )
 }
