@@ -6,6 +6,7 @@ use super::hypothesis::{Hypothesis, beyond_noise};
 use super::place::Place;
 use super::residual;
 use super::search::{BEAM, GROWING_SHARE};
+use super::timing::Timing;
 use super::weighing::Earned;
 use crate::fit::{self, BETTER_VALLEY, FitSettings, Polished, TOLD_APART};
 use crate::interrupt;
@@ -280,11 +281,15 @@ impl Hypothesis {
         if is_explained {
             others.extend(without.effects_made_up_for(case, settings));
         }
+        let timing = Timing::new(self.rig.clone(), &self.ranges, case.train());
         let does_as_well = |other: &Candidate| {
             let chi_square = other.fit.misfit.chi_square;
             let is_another = other.effect.name != earned.effect.name
                 || is_explained && chi_square < self.train.misfit.chi_square - BETTER_VALLEY;
-            is_another && chi_square / scale + self.price(other.effect, scale) < limit
+            let above = chi_square / scale + self.price(other.effect, scale) - limit;
+            let by_timing =
+                || timing.makes_up_for(scale * above, &other.applied(&without.rig), &other.ranges);
+            is_another && (above < 0.0 || is_explained && by_timing())
         };
         others.retain(does_as_well);
         let twins: Vec<Candidate> = iter::once((earned.effect, self.rig.clone()))
@@ -310,12 +315,19 @@ impl Hypothesis {
     pub(super) fn keep_stand_ins(&self, case: &Case<'_>, earned: &Earned, others: &mut Vec<Self>) {
         let (scale, is_explained) = (self.scale(), self.leaves_noise(case));
         let [limit, joint_limit] = [&self.train, &self.joint].map(|fit| self.cost_in_place_of(fit, earned));
+        let timing = Timing::new(self.rig.clone(), &self.ranges, case.train());
+        let joint_timing = Timing::new(self.rig_of_all(), &self.ranges, case.records);
         others.retain(|other| {
             let price = other.newest().map_or(0.0, |effect| self.price(effect, scale));
+            let above = other.train.misfit.chi_square / scale + price - limit;
+            let joint_above = other.joint.misfit.chi_square / scale + price - joint_limit;
+            let by_timing = || timing.makes_up_for(scale * above, &other.rig, &other.ranges);
+            let by_joint_timing =
+                || joint_timing.makes_up_for(scale * joint_above, &other.rig_of_all(), &other.ranges);
             (!other.same_effects(self) || other.is_likelier(self))
-                && other.train.misfit.chi_square / scale + price < limit
-                && other.joint.misfit.chi_square / scale + price < joint_limit
                 && (!is_explained || other.leaves_noise(case))
+                && (above < 0.0 || is_explained && by_timing())
+                && (joint_above < 0.0 || is_explained && by_joint_timing())
         });
     }
 

@@ -49,6 +49,7 @@ mod ripple;
 mod search;
 mod side;
 mod signature;
+mod timing;
 mod trade;
 mod weighing;
 

@@ -42,7 +42,8 @@ impl<'a> Signatures<'a> {
         signatures
     }
 
-    fn project(&self, residual: DVector<f64>) -> DVector<f64> {
+    /// What the free parameters leave of a change of the residual.
+    pub(super) fn project(&self, residual: DVector<f64>) -> DVector<f64> {
         let taken = &self.absorbed * self.absorbed.tr_mul(&residual);
         residual - taken
     }
@@ -84,8 +85,10 @@ pub(super) mod tests {
     use crate::record::Record;
     use crate::rig::Rig;
     use eha_monitor::channel::Channel;
+    use eha_monitor::model::state::Outputs;
     use eha_monitor::parameter::Parameter;
     use nalgebra::DVector;
+    use std::slice;
 
     const PERIOD: f64 = 1e-3;
     const NOISE: [f64; 4] = [1e-6, f64::INFINITY, f64::INFINITY, f64::INFINITY];
@@ -98,6 +101,14 @@ pub(super) mod tests {
 
     /// A second of a growing sine, with the position of a rig.
     pub(in super::super) fn record(rig: &Rig) -> Prepared {
+        recorded(rig, |_, outputs| outputs)
+    }
+
+    /// The same, with the position that a recorder makes of what the rig puts out.
+    pub(in super::super) fn recorded(
+        rig: &Rig,
+        recorder: impl FnOnce(&Prepared, Vec<Outputs<f64>>) -> Vec<Outputs<f64>>,
+    ) -> Prepared {
         let command: Vec<f64> =
             (0..1000).map(|k| f64::from(k) * 5e-6 * (f64::from(k) * PERIOD * 20.0).sin()).collect();
         let prepared = |position: Vec<f64>| {
@@ -105,8 +116,9 @@ pub(super) mod tests {
             let record = Record::new("made".to_owned(), PERIOD, 0.0, channels).unwrap();
             fit::prepare_with(rig, &record, NOISE)
         };
-        let outputs = fit::predict(rig, &[prepared(command.clone())]).concat();
-        prepared(outputs.iter().map(|outputs| outputs.user).collect())
+        let unseen = prepared(command.clone());
+        let outputs = fit::predict(rig, slice::from_ref(&unseen)).concat();
+        prepared(recorder(&unseen, outputs).iter().map(|outputs| outputs.user).collect())
     }
 
     #[test]
@@ -121,7 +133,7 @@ pub(super) mod tests {
         assert!(free.of(&stiffer).norm() < 0.05 * none.of(&stiffer).norm());
 
         let loaded = free.of(&with(&rig, Parameter::ConstantLoad, 10.0));
-        let (amounts, gain) = free.best(std::slice::from_ref(&loaded)).unwrap();
+        let (amounts, gain) = free.best(slice::from_ref(&loaded)).unwrap();
         assert!((amounts[0] - 4.0).abs() < 0.2, "{amounts}");
         let left = free.chi_square(&DVector::zeros(loaded.len()));
         assert!(gain > 0.95 * left, "{gain} of {left}");
