@@ -13,6 +13,7 @@ use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use eha_monitor::channel::Channel;
 use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::fit::identify::StopReason;
+use eha_monitor::parameter::ParameterInfo;
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde_json::{Map, Value, json};
 use std::io::Write;
@@ -278,6 +279,12 @@ pub fn plain(value: f64) -> String {
     } else {
         value.to_string()
     }
+}
+
+/// The range in which values of a parameter make sense.
+pub fn own_range(info: &ParameterInfo) -> String {
+    let unit = if info.unit == "1" { String::new() } else { format!(" {}", info.unit) };
+    format!("{} to {}{unit}", plain(info.lower), plain(info.upper))
 }
 
 /// A number for JSON: null where it is not finite.

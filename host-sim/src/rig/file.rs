@@ -6,6 +6,7 @@ use super::{
 };
 use crate::failure::Failure;
 use crate::fit::MAX_FREE;
+use crate::output::own_range;
 use eha_monitor::channel::ChannelRole;
 use eha_monitor::model::drive::Law;
 use eha_monitor::model::{Drive, Feedback, Form, ValveForm};
@@ -227,10 +228,8 @@ fn parse(text: &str) -> Result<Rig, Failure> {
         let parameter = parameter_named(&name)?;
         let info = parameter.info();
         if !(info.lower..=info.upper).contains(&value) {
-            return Err(Failure::usage(format!(
-                "parameter `{name}` = {value}: expected {} to {} {}",
-                info.lower, info.upper, info.unit
-            )));
+            let expected = own_range(info);
+            return Err(Failure::usage(format!("parameter `{name}` = {value}: expected {expected}")));
         }
         if let Some(before) = given.insert(info.name, name.clone()) {
             return Err(Failure::usage(format!(

@@ -11,6 +11,7 @@ pub use command_path::{CommandPath, Knots};
 pub use file::{read, spelled, write};
 
 use crate::failure::Failure;
+use crate::output::own_range;
 use eha_monitor::channel::{CHANNELS, Channel};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::model::drive::Law;
@@ -38,8 +39,9 @@ impl Range {
         let info = parameter.info();
         if !(lower < upper && lower >= info.lower && upper <= info.upper) {
             return Err(Failure::usage(format!(
-                "range {lower} to {upper} of `{}`: expected lower < upper within {} to {} {}",
-                info.name, info.lower, info.upper, info.unit
+                "range {lower} to {upper} of `{}`: expected lower < upper within {}",
+                info.name,
+                own_range(info)
             )));
         }
         Ok(Self { parameter, lower, upper })

@@ -51,11 +51,9 @@ pub fn effects(common: &Common) -> Result<(), Failure> {
     let parameters = || EFFECTS.iter().flat_map(|effect| effect.parameters).map(|parameter| parameter.info());
     let width = parameters().map(|info| info.name.len()).max().unwrap_or(0);
     let row = |parameter: &Parameter| {
-        let ParameterInfo { name, unit, default, lower, upper, .. } = parameter.info();
-        let [absent, lower, upper] = [default, lower, upper].map(|&value| output::plain(value));
-        let unit = if *unit == "1" { "" } else { unit };
-        let range = format!("{lower} to {upper} {unit}");
-        format!("\n    {name:width$}  {}, {absent} where it is absent", range.trim_end())
+        let info = parameter.info();
+        let (range, absent) = (output::own_range(info), output::plain(info.default));
+        format!("\n    {:width$}  {range}, {absent} where it is absent", info.name)
     };
     let entry = |effect: &EffectInfo| {
         let rows: String = effect.parameters.iter().map(row).collect();

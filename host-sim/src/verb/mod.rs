@@ -249,14 +249,8 @@ fn check_value(parameter: Parameter, value: f64) -> Result<(), Failure> {
     if (info.lower..=info.upper).contains(&value) {
         return Ok(());
     }
-    Err(Failure::usage(format!(
-        "`{}` = {}: expected {} to {} {}",
-        info.name,
-        plain(value),
-        plain(info.lower),
-        plain(info.upper),
-        info.unit
-    )))
+    let (name, value, expected) = (info.name, plain(value), output::own_range(info));
+    Err(Failure::usage(format!("`{name}` = {value}: expected {expected}")))
 }
 
 /// Ranges with the user's bounds in place of those of the same parameters.
