@@ -413,7 +413,7 @@ fn diagnose_from(
     let Hypothesis { ranges, train: Polished { values, .. }, .. } = &sound.root;
     let there = fit::misfit(case.rig, ranges, values, case.train());
     if there.chi_square < before.misfit.chi_square - BETTER_VALLEY {
-        before = fit::fit_near(case.rig, ranges, values, case.train(), settings);
+        before = fit::fit_near(case.rig, ranges, values, case.train(), settings, |_| {});
     }
     let in_whole = |model: &Hypothesis| if in_excerpts { model.refitted(case) } else { model.clone() };
     let whole = in_whole(&sound.best);

@@ -1,13 +1,16 @@
 //! What records do not say, and the fit of those in which they speak for it: the path of a command between its samples, and
 //! when a spool sticks.
 
-use super::search::or_from_seeds;
+use super::search::{deepest, or_from_seeds};
 use super::visits::{InAll, generations};
-use super::{Fit, FitSettings, Prepared, Standing, TOLD_APART, Visit, fit, prepare, widen_by_calibration};
+use super::{
+    Fit, FitSettings, Prepared, Standing, TOLD_APART, Visit, fit, fit_near, prepare, widen_by_calibration,
+};
 use crate::record::Record;
 use crate::rig::{CommandPath, Range, Rig};
 use eha_monitor::fit::identify::{self, StopReason};
 use eha_monitor::fit::problem::Misfit;
+use rayon::prelude::*;
 use std::iter;
 use std::time::Instant;
 
@@ -64,9 +67,9 @@ pub struct AsRead {
     pub is_open: bool,
 }
 
-/// Fits the ranges to records in every reading that the rig leaves open. Where that leaves more than noise in all of them,
-/// each is fitted from more seeds: a search may have ended in a wrong valley. `watch` is told where each search stands, and
-/// `tell` of those from more seeds.
+/// Fits the ranges to records in every reading that the rig leaves open. Where that leaves more than noise in all of them, the
+/// one that leaves least is fitted from more seeds, as a search may have ended in a wrong valley, and the others where that
+/// led to. `watch` is told where each search stands, and `tell` of those from more seeds.
 pub fn fit_as_read(
     rig: &Rig,
     ranges: &[Range],
@@ -93,16 +96,14 @@ pub fn fit_as_read(
             fitted.push((reading, fit));
         }
     }
-    let seeds = if is_known(&fitted) { 1 } else { MORE_SEEDS };
-    if seeds > 1 {
-        tell(&format!("more than noise is left: searching from {} more seeds", seeds - 1));
-    }
     // What was cut short says nothing against what was not.
     let are_whole: Vec<bool> = fitted.iter().map(|(_, fit)| !fit.interrupted).collect();
-    let settled = |(reading, first): (Reading, Fit)| {
-        let Reading { rig, records } = &reading;
-        let fit = or_from_seeds(first, rig, ranges, records, settings, seeds, &watch);
-        let fit = fit.settled(rig, ranges, records);
+    if !is_known(&fitted) {
+        tell(&format!("more than noise is left: searching from {} more seeds", MORE_SEEDS - 1));
+        search_further(&mut fitted, ranges, settings, &watch);
+    }
+    let settled = |(reading, fit): (Reading, Fit)| {
+        let fit = fit.settled(&reading.rig, ranges, &reading.records);
         (reading, fit)
     };
     let mut fitted: Vec<(Reading, Fit)> = fitted.into_iter().map(settled).collect();
@@ -133,9 +134,28 @@ pub fn fit_as_read(
     AsRead { reading, fit, is_open }
 }
 
-/// Would the ranges fit the records down to the noise if their commands had been recorded one sample earlier? Then that is
-/// what is wrong with them: no actuator answers a command that is still to come. The effort of asking is added to a fit of
-/// them as they are.
+/// Fits from more seeds in the reading that leaves least, and then in each other one near what that found.
+fn search_further(
+    fitted: &mut [(Reading, Fit)],
+    ranges: &[Range],
+    settings: &FitSettings,
+    watch: &(impl Fn(Standing) + Sync),
+) {
+    let left = |place: &usize| fitted[*place].1.misfit.chi_square;
+    let Some(least) = (0..fitted.len()).min_by(|a, b| left(a).total_cmp(&left(b))) else { return };
+    let (Reading { rig, records }, fit) = &mut fitted[least];
+    *fit = or_from_seeds(fit.clone(), rig, ranges, records, settings, MORE_SEEDS, watch);
+    let found = fit.polished().values;
+    fitted.par_iter_mut().enumerate().filter(|(place, _)| *place != least).for_each(|(_, (reading, fit))| {
+        let started = Instant::now();
+        let near = fit_near(&reading.rig, ranges, &found, &reading.records, settings, watch);
+        *fit = deepest(fit.clone(), vec![near], settings, started);
+    });
+}
+
+/// Would the ranges fit the records down to the noise, in one of their readings, if their commands had been recorded one
+/// sample earlier? Then that is what is wrong with them: no actuator answers a command that is still to come. `asking` is a
+/// fit of them as they are, near which it is looked for; the effort of that is added to it.
 pub fn is_command_late(
     rig: &Rig,
     ranges: &[Range],
@@ -145,11 +165,16 @@ pub fn is_command_late(
 ) -> bool {
     let earlier: Vec<Prepared> =
         records.iter().map(|record| prepare(rig, &record.with_earlier_command())).collect();
-    let moved = fit_as_read(rig, ranges, &earlier, settings, |_| {}, |_| {}).fit;
-    asking.evaluations += moved.evaluations;
-    asking.seconds += moved.seconds;
-    asking.interrupted |= moved.interrupted;
-    moved.stop == StopReason::NoiseReached
+    let started = Instant::now();
+    let found = asking.polished().values;
+    let readings = [Reading::all, Reading::held].into_par_iter().flat_map(|readings| readings(rig, &earlier));
+    let moved: Vec<Fit> = readings
+        .map(|Reading { rig, records }| fit_near(&rig, ranges, &found, &records, settings, |_| {}))
+        .collect();
+    asking.evaluations += moved.iter().map(|fit| fit.evaluations).sum::<u32>();
+    asking.seconds += started.elapsed().as_secs_f64();
+    asking.interrupted |= moved.iter().any(|fit| fit.interrupted);
+    moved.iter().any(|fit| fit.stop == StopReason::NoiseReached)
 }
 
 /// Of misfits of the same model in several readings, the place of the one that the records speak for: the first, unless

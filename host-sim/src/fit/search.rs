@@ -88,10 +88,15 @@ pub(super) fn or_from_seeds(
         return first;
     }
     let started = Instant::now();
-    let before = first.seconds;
     let from = |seed| fit(rig, ranges, records, &FitSettings { seed, ..*settings }, &watch);
-    let others: Vec<Fit> =
-        (1..seeds).into_par_iter().map(|more| from(settings.seed.wrapping_add(more))).collect();
+    let others = (1..seeds).into_par_iter().map(|more| from(settings.seed.wrapping_add(more))).collect();
+    deepest(first, others, settings, started)
+}
+
+/// The one with the deepest valley of a fit and others of the same records, which were made side by side since a time, with
+/// the effort of all of them.
+pub(super) fn deepest(first: Fit, others: Vec<Fit>, settings: &FitSettings, since: Instant) -> Fit {
+    let before = first.seconds;
     let mut all: Vec<Fit> = iter::once(first).chain(others).collect();
     let mut in_all = InAll::default();
     for (search, fit) in all.iter_mut().enumerate() {
@@ -105,8 +110,7 @@ pub(super) fn or_from_seeds(
     let InAll { visits, evaluations, interrupted } = in_all;
     Fit {
         generations: generations(&visits, settings.population),
-        // They are made side by side.
-        seconds: before + started.elapsed().as_secs_f64(),
+        seconds: before + since.elapsed().as_secs_f64(),
         visits,
         evaluations,
         interrupted,
@@ -115,15 +119,16 @@ pub(super) fn or_from_seeds(
 }
 
 /// Fits the ranges to the records where some values, one for each range, are known to be good: the search has them from
-/// the start.
+/// the start. `watch` is told where it stands.
 pub fn fit_near(
     rig: &Rig,
     ranges: &[Range],
     values: &[f64],
     records: &[Prepared],
     settings: &FitSettings,
+    mut watch: impl FnMut(Standing),
 ) -> Fit {
-    let search = Search { settings, near: Some(values), watch: &mut |_| {} };
+    let search = Search { settings, near: Some(values), watch: &mut watch };
     on_records(rig, ranges, records, FIT_TOLERANCE, search)
 }
 

@@ -213,7 +213,8 @@ pub struct FitOptions {
           value_parser = clap::builder::RangedI64ValueParser::<usize>::new().range(4..=i64::from(fit::MAX_POPULATION as u32)))]
     population: usize,
     /// Most evaluations of the model in one search; what is begun is ended. Records that are not explained are searched in
-    /// each reading that the rig leaves open, and then from more seeds, each with this budget.
+    /// each reading that the rig leaves open, in the best of these from more seeds, and in the others near what that
+    /// found, each with this budget.
     #[arg(long, default_value_t = FitSettings::default().budget, allow_negative_numbers = true,
           value_parser = clap::value_parser!(u32).range(20..))]
     budget: u32,
