@@ -59,10 +59,20 @@ pub(crate) fn doc() -> Result<(), Failure> {
     run(cargo().args(doc).args(with_the_images).env("RUSTDOCFLAGS", "-D warnings"))
 }
 
-/// Runs every test.
+/// Runs every test that is not left out.
 pub(crate) fn test() -> Result<(), Failure> {
     run(cargo().args(["test", "--locked", "--workspace"]))
 }
+
+/// Runs the hard cases, which the tests leave out.
+pub(crate) fn hard() -> Result<(), Failure> {
+    let tests = ["--package", "host-sim", "--test", "confusion", "--test", "diagnose"];
+    let left_out = ["--", "--ignored", "--skip", WRITES];
+    run(cargo().args(["test", "--locked"]).args(tests).args(left_out))
+}
+
+/// With this the names of the tests begin that write documents.
+const WRITES: &str = "write_the";
 
 /// Makes the table of what `diagnose` makes of every effect.
 pub(crate) fn confusion() -> Result<(), Failure> {

@@ -29,12 +29,14 @@ enum Task {
     Clippy,
     /// Build the documentation; a broken link fails.
     Doc,
-    /// Run every test; those of the firmware run it under QEMU.
+    /// Run every test but the hard cases; those of the firmware run it under QEMU.
     Test,
     /// Link the release firmware for every board, panic check included.
     Firmware,
     /// Link a firmware that uses the library as its own author writes one (`tests/integrator`).
     Integrator,
+    /// Run the hard cases of `diagnose`, which take as long as all other tests. Not part of `ci`: for a change to it.
+    Hard,
     /// Make `docs/confusion.md` anew: what `diagnose` makes of every effect of the catalogue. Some twenty minutes.
     Confusion,
     /// Make `docs/blind.md` anew: what it makes of actuators of which everything is drawn at random. Some thirty minutes.
@@ -71,6 +73,7 @@ impl Task {
             Self::Test => job::test(),
             Self::Firmware => job::firmware(),
             Self::Integrator => job::integrator(),
+            Self::Hard => job::hard(),
             Self::Confusion => job::confusion(),
             Self::Blind { cases, records } => job::blind(&cases, records.as_deref()),
             Self::Peers => peers::run(),
