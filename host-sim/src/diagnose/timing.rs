@@ -9,6 +9,7 @@ use crate::fit::{self, Prepared};
 use crate::rig::{Range, Rig};
 use eha_monitor::model::state::Outputs;
 use std::cell::OnceCell;
+use std::iter;
 
 /// By how much records may be early or late, s: a step of the plants of the design.
 const TIMING_S: f64 = 2e-6;
@@ -55,7 +56,7 @@ fn delayed(record: &Prepared, outputs: &[Outputs<f64>]) -> Vec<Outputs<f64>> {
     let share = TIMING_S / record.sample_period;
     let between = |before: f64, here: f64| here + share * (before - here);
     let first = outputs.first().copied().unwrap_or_default();
-    let before = std::iter::once(&first).chain(outputs);
+    let before = iter::once(&first).chain(outputs);
     outputs
         .iter()
         .zip(before)
