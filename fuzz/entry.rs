@@ -43,6 +43,7 @@ fn monitor<S: Stepper<f32>>(steps: S, parameters: &Parameters<f32>) -> Box<Small
         ],
         false_alarm_rate: 1e-6,
         seed: 1,
+        steps_per_sample: 60,
     };
     assert_eq!(monitor.configure(&config), Ok(()));
     monitor

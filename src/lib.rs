@@ -34,6 +34,7 @@
 //!     ],
 //!     false_alarm_rate: Config::<2>::FALSE_ALARM_RATE,
 //!     seed: 1,
+//!     steps_per_sample: 100,
 //! };
 //! // Statics on a board: windows of 1000 samples, two faults, a population of 20, matrices of four modes.
 //! let mut queue = SampleQueue::<16>::new();

@@ -146,7 +146,7 @@ fn a_rig_whose_laws_are_not_affine_is_sent_the_same_way() {
 #[test]
 fn a_station_says_whether_it_takes_the_rig() {
     fn is_ready(steps: impl Stepper<f32>, session: &Session, version: u32) -> bool {
-        let setup = Setup { version, ..Setup::of(&session.config, 100).expect("a message") };
+        let setup = Setup { version, ..Setup::of(&session.config).expect("a message") };
         let mut frame = [0; LONGEST];
         let bytes = encode(&ToMonitor::Setup(setup), &mut frame).expect("a frame");
         let mut station = Box::new(Station::<_, WINDOW, POPULATION>::new(steps));

@@ -219,7 +219,7 @@ impl<T: Real, const GENES: usize, const SIZE: usize> SteadyState<T, GENES, SIZE>
         }
         let filling = self.filled < self.settings.population;
         let best = self.best().map(|(_, cost)| cost);
-        let place = if filling { self.filled } else { self.extreme(|candidate, worst| candidate > worst) };
+        let place = if filling { self.filled } else { self.extreme(-T::ONE) };
         let Some(place) = self.members.get_mut(place) else { return Outcome::Rejected };
         if !filling && cost >= place.cost {
             return Outcome::Rejected;
@@ -238,25 +238,36 @@ impl<T: Real, const GENES: usize, const SIZE: usize> SteadyState<T, GENES, SIZE>
         }
     }
 
-    /// The first member that no other one beats; 0 while the population is empty.
-    fn extreme(&self, better: impl Fn(T, T) -> bool) -> usize {
+    /// The first member of least cost, or of most where the sign is -1; 0 while the population is empty. Not inlined: three
+    /// places would hold it.
+    #[inline(never)]
+    fn extreme(&self, sign: T) -> usize {
         let mut found = (0, T::ZERO);
-        for (index, member) in self.members.iter().enumerate().take(self.filled) {
-            if index == 0 || better(member.cost, found.1) {
-                found = (index, member.cost);
+        for (index, member) in self.present().iter().enumerate() {
+            if index == 0 || sign * member.cost < found.1 {
+                found = (index, sign * member.cost);
             }
         }
         found.0
     }
 
+    /// The members that there are.
+    fn present(&self) -> &[Member<T, GENES>] {
+        self.members.get(..self.filled).unwrap_or(&[])
+    }
+
+    fn member(&self, place: usize) -> Option<(&[T; GENES], T)> {
+        self.present().get(place).map(|member| (&member.genes, member.cost))
+    }
+
     /// The best member and its cost; none while the population is empty.
     pub fn best(&self) -> Option<(&[T; GENES], T)> {
-        self.members().nth(self.extreme(|candidate, best| candidate < best))
+        self.member(self.extreme(T::ONE))
     }
 
     /// The cost from which on a child would be rejected; none while every child becomes a member.
     pub fn rejection_cost(&self) -> Option<T> {
-        let worst = self.members().nth(self.extreme(|candidate, worst| candidate > worst));
+        let worst = self.member(self.extreme(-T::ONE));
         worst.filter(|_| self.filled == self.settings.population).map(|(_, cost)| cost)
     }
 
@@ -281,7 +292,7 @@ impl<T: Real, const GENES: usize, const SIZE: usize> SteadyState<T, GENES, SIZE>
 
     /// The members and their costs.
     pub fn members(&self) -> impl Iterator<Item = (&[T; GENES], T)> {
-        self.members.iter().take(self.filled).map(|member| (&member.genes, member.cost))
+        self.present().iter().map(|member| (&member.genes, member.cost))
     }
 
     /// What has happened so far.

@@ -70,8 +70,7 @@ pub struct Setup {
     pub false_alarm_rate: f32,
     /// Seed of the search.
     pub seed: u64,
-    /// Steps of the model that the monitor may take for each sample. With none it would never come to a report: such a setup
-    /// is refused.
+    /// See [`Config::steps_per_sample`].
     pub steps_per_sample: u16,
 }
 
@@ -83,8 +82,9 @@ pub const FEEDBACKS: [Feedback; 2] = [Feedback::Ram, Feedback::User];
 pub const DRIVES: [Drive; 2] = [Drive::Valve, Drive::Force];
 
 impl Setup {
-    /// The configuration as a message. None where more parameters differ from the source's than a message can hold.
-    pub fn of(config: &Config<FAULTS>, steps_per_sample: u16) -> Option<Self> {
+    /// The configuration as a message. None where more parameters differ from the source's, or more steps are allowed for a
+    /// sample, than a message can hold.
+    pub fn of(config: &Config<FAULTS>) -> Option<Self> {
         let source = Parameters::<f32>::default();
         let mut changes = Vec::new();
         for parameter in Parameter::all() {
@@ -113,7 +113,7 @@ impl Setup {
             }),
             false_alarm_rate: config.false_alarm_rate,
             seed: config.seed,
-            steps_per_sample,
+            steps_per_sample: u16::try_from(config.steps_per_sample).ok()?,
         })
     }
 
@@ -147,6 +147,7 @@ impl Setup {
             faults: [fault(first)?, fault(second)?],
             false_alarm_rate: self.false_alarm_rate,
             seed: self.seed,
+            steps_per_sample: self.steps_per_sample.into(),
         })
     }
 }

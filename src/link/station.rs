@@ -32,7 +32,6 @@ pub const fn any_steps<const SLOTS: usize>() -> AnySteps<SLOTS> {
 pub struct Station<S, const SAMPLES: usize, const POPULATION: usize> {
     monitor: Monitor<S, SAMPLES, FAULTS, POPULATION>,
     decoder: Decoder,
-    steps_per_sample: u32,
 }
 
 /// What is to be done once a frame has ended.
@@ -48,7 +47,7 @@ enum Next {
 impl<S: Stepper<f32>, const SAMPLES: usize, const POPULATION: usize> Station<S, SAMPLES, POPULATION> {
     /// A station that waits for its configuration.
     pub const fn new(stepper: S) -> Self {
-        Self { monitor: Monitor::idle(stepper), decoder: Decoder::new(), steps_per_sample: 0 }
+        Self { monitor: Monitor::idle(stepper), decoder: Decoder::new() }
     }
 
     /// Takes a byte from the line, works, and sends what there is to say. False where the other side has ended the run.
@@ -61,11 +60,12 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const POPULATION: usize> Station<S, 
             Next::Message => return true,
             Next::End => return false,
         };
+        let steps = self.monitor.config().map_or(0, |config| config.steps_per_sample);
         let mut tick = first;
         for &[command, user, current] in &samples {
             self.monitor.take(&Sample { tick, command, user, current });
             tick = tick.wrapping_add(1);
-            let (_, report) = self.monitor.work(self.steps_per_sample);
+            let (_, report) = self.monitor.work(steps);
             if let Some(report) = report {
                 say(&report, send);
             }
@@ -93,13 +93,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const POPULATION: usize> Station<S, 
     /// Configures the monitor; true if it can work with that. Not inlined: its stack is not needed later.
     #[inline(never)]
     fn set_up(&mut self, setup: &Setup) -> bool {
-        let steps = setup.steps_per_sample.into();
-        let is_ready =
-            steps > 0 && setup.config().is_some_and(|config| self.monitor.configure(&config).is_ok());
-        if is_ready {
-            self.steps_per_sample = steps;
-        }
-        is_ready
+        setup.config().is_some_and(|config| self.monitor.configure(&config).is_ok())
     }
 
     /// What has come and what came of it.

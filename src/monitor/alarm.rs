@@ -88,6 +88,7 @@ mod tests {
             faults: [fault(Parameter::Backlash), fault(Parameter::DryFriction)],
             false_alarm_rate: 1e-6,
             seed: 1,
+            steps_per_sample: 100,
         }
     }
 

@@ -3,13 +3,13 @@
 //! Everything is cut into passes (see [`Pass`]), and a pass into steps, so that the work stops and goes on anywhere.
 
 use super::config::Config;
-use super::pass::{Pass, Path, Scene, Start};
+use super::pass::{ALIKE, Aim, Pass, Path, Scene, Start};
 use super::slot::Slot;
 use super::sums::Sums;
 use crate::fit::gauss_newton::Normal;
 use crate::fit::identify::within_noise;
 use crate::ga::{Settings, SteadyState};
-use crate::integrate::Stepper;
+use crate::integrate::{LONGEST_PIECE, Stepper};
 
 /// Most steps of a descent.
 const DESCENT_STEPS: u32 = 6;
@@ -92,13 +92,15 @@ pub(super) fn resolution<const GENES: usize>(config: &Config<GENES>, gene: usize
 /// What the analysis is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
+    /// Looking how long it matters where the motion started.
+    Settling,
     /// Going down to the bottom of a basin.
     Descent,
     /// Looking what the members of the last population are worth in this window.
     Score(usize),
     /// Breeding.
     Breed(usize),
-    /// Back to the first bottom, which no other has beaten.
+    /// Back to the first bottom, which no other has beaten, or to the best place of a search that was cut short.
     Return,
 }
 
@@ -115,15 +117,19 @@ pub(super) struct Analysis<const GENES: usize, const POPULATION: usize> {
     halvings: u32,
     /// Evaluations of the model so far.
     pub(super) evaluations: u32,
-    /// Steps so far, those of the present pass apart.
+    /// Steps so far.
     steps: u32,
+    /// Most that it may take before it ends, or comes back from a search: no limit while nothing is known, or on its way back.
+    most: u32,
+    /// Steps of the dearest pass of a descent.
+    dearest: u32,
     seed: u64,
 }
 
 impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
     /// An analysis that has not [begun](Self::begin): all zeros.
     pub(super) const IDLE: Self = Self {
-        phase: Phase::Descent,
+        phase: Phase::Settling,
         pass: Pass::IDLE,
         here: Slot::Empty,
         first: None,
@@ -132,6 +138,8 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
         halvings: 0,
         evaluations: 0,
         steps: 0,
+        most: 0,
+        dearest: 0,
         seed: 0,
     };
 
@@ -142,13 +150,18 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
         guess: &[f32; GENES],
         seed: u64,
     ) {
-        self.phase = Phase::Descent;
         self.here = Slot::Empty;
         self.first = None;
         self.search = Slot::Empty;
-        (self.steps_down, self.halvings, self.evaluations, self.steps) = (0, 0, 0, 0);
+        (self.steps_down, self.halvings, self.evaluations) = (0, 0, 0);
+        (self.steps, self.most, self.dearest) = (0, u32::MAX, 0);
         self.seed = seed;
-        self.pass.restart(scene, guess, true);
+        self.pass.begin(scene.settle);
+        let is_known = scene.start.doubt.abs() <= ALIKE * scene.config.believed_noise()[0];
+        let aim;
+        (self.phase, aim) =
+            if is_known { (Phase::Descent, Aim::Slopes) } else { (Phase::Settling, Aim::Settling) };
+        self.pass.restart(scene, guess, aim);
     }
 
     /// Goes on by at most `allowance` steps, and takes what it has used off it. True at the end.
@@ -159,17 +172,48 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
         stepper: &mut S,
         allowance: &mut u32,
     ) -> bool {
-        while self.pass.advance(scene, stepper, allowance) {
-            self.steps = self.steps.saturating_add(self.pass.steps());
-            match self.next(scene, seeds) {
-                Some((genes, with_neighbours)) => self.pass.restart(scene, &genes, with_neighbours),
+        loop {
+            let given = self.most.saturating_sub(self.steps).min(*allowance);
+            let mut share = given;
+            let has_ended = self.pass.advance(scene, stepper, &mut share);
+            let taken = given.saturating_sub(share);
+            *allowance = allowance.saturating_sub(taken);
+            self.steps = self.steps.saturating_add(taken);
+            if !has_ended && self.may_go_on() {
+                return false;
+            }
+            match if has_ended { self.next(scene, seeds) } else { self.cut_short() } {
+                Some((genes, aim)) => self.pass.restart(scene, &genes, aim),
                 None => return true,
             }
         }
-        false
     }
 
-    /// What to walk after a pass has ended: genes, and whether their derivatives are wanted. None: the end.
+    /// Are there steps left?
+    const fn may_go_on(&self) -> bool {
+        self.most.saturating_sub(self.steps) >= LONGEST_PIECE
+    }
+
+    /// What to walk once no steps are left: none where the best place that is known is the last one.
+    #[inline(never)]
+    fn cut_short(&mut self) -> Option<([f32; GENES], Aim)> {
+        let (_, first) = self.first?;
+        if self.here.get().is_some_and(|here| is_less(here.chi_square(), first)) {
+            return None;
+        }
+        let (&best, _) = self.search.get()?.best()?;
+        Some(self.come_back(best))
+    }
+
+    /// Back to a place that is known to be the best.
+    fn come_back(&mut self, genes: [f32; GENES]) -> ([f32; GENES], Aim) {
+        self.phase = Phase::Return;
+        self.here = Slot::Empty;
+        self.most = u32::MAX;
+        (genes, Aim::Slopes)
+    }
+
+    /// What to walk after a pass has ended, and what for. None: the end.
     ///
     /// Not inlined: what it copies would lie on the stack below the whole simulation.
     #[inline(never)]
@@ -177,10 +221,20 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
         &mut self,
         scene: &Scene<'_, GENES, SAMPLES>,
         seeds: Option<&[[f32; GENES]; POPULATION]>,
-    ) -> Option<([f32; GENES], bool)> {
+    ) -> Option<([f32; GENES], Aim)> {
         self.evaluations += self.pass.evaluations();
         match self.phase {
-            Phase::Descent => self.descend(scene).map(|genes| (genes, true)).or_else(|| self.conclude(seeds)),
+            Phase::Settling => {
+                self.phase = Phase::Descent;
+                Some((self.pass.genes, Aim::Slopes))
+            }
+            Phase::Descent => {
+                self.dearest = self.dearest.max(self.pass.steps());
+                // What follows leaves what it takes to come back.
+                self.most = scene.config.most_steps(SAMPLES).saturating_sub(self.dearest);
+                let next = self.descend(scene).map(|genes| (genes, Aim::Slopes));
+                next.or_else(|| self.conclude(seeds))
+            }
             Phase::Score(index) => {
                 let cost = self.pass.sums().misfit().mean_square();
                 let genes = self.pass.genes;
@@ -190,7 +244,7 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
                 match seeds.and_then(|seeds| seeds.get(index + 1)) {
                     Some(&genes) => {
                         self.phase = Phase::Score(index + 1);
-                        Some((genes, false))
+                        Some((genes, Aim::Cost))
                     }
                     None => self.breed(0),
                 }
@@ -238,19 +292,18 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
     }
 
     /// What follows the bottom of a descent: the end, or a search for a better basin.
-    fn conclude(&mut self, seeds: Option<&[[f32; GENES]; POPULATION]>) -> Option<([f32; GENES], bool)> {
+    fn conclude(&mut self, seeds: Option<&[[f32; GENES]; POPULATION]>) -> Option<([f32; GENES], Aim)> {
         let here = self.here.get()?;
         let chi_square = here.chi_square();
         let settled = self.first.is_some_and(|(_, first)| first - chi_square <= (1e-3 * first).max(1.0));
         if let Some((genes, first)) = self.first
             && first < chi_square
         {
-            self.phase = Phase::Return;
-            self.here = Slot::Empty;
-            return Some((genes, true));
+            return Some(self.come_back(genes));
         }
         let says_nothing = here.path.reversals == 0;
-        if here.is_explained() || settled || says_nothing || self.evaluations >= EVALUATIONS {
+        let is_done = here.is_explained() || settled || says_nothing || self.evaluations >= EVALUATIONS;
+        if is_done || !self.may_go_on() {
             return None;
         }
         self.first = Some((here.genes, chi_square));
@@ -260,24 +313,24 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
         self.search = Slot::Full(search);
         if let Some(&genes) = seeds.and_then(|seeds| seeds.first()) {
             self.phase = Phase::Score(0);
-            Some((genes, false))
+            Some((genes, Aim::Cost))
         } else {
             self.breed(0)
         }
     }
 
     /// The next child, or after a generation the descent from the best.
-    fn breed(&mut self, children: usize) -> Option<([f32; GENES], bool)> {
+    fn breed(&mut self, children: usize) -> Option<([f32; GENES], Aim)> {
         let search = self.search.get_mut()?;
         if children < POPULATION {
             self.phase = Phase::Breed(children);
-            return Some((search.ask(), false));
+            return Some((search.ask(), Aim::Cost));
         }
         let (&best, _) = search.best()?;
         self.phase = Phase::Descent;
         self.here = Slot::Empty;
         (self.steps_down, self.halvings) = (0, 0);
-        Some((best, true))
+        Some((best, Aim::Slopes))
     }
 
     /// The best place found.

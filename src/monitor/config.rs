@@ -3,7 +3,7 @@
 use super::SETTLE;
 use super::window::Scale;
 use crate::fit::problem::Free;
-use crate::integrate::Stepper;
+use crate::integrate::{LONGEST_PIECE, Stepper};
 use crate::model::sensor::Lvdt;
 use crate::model::state::{FULL_ORDER, State};
 use crate::model::{Drive, Form, Model};
@@ -73,6 +73,10 @@ pub struct Config<const FAULTS: usize> {
     pub false_alarm_rate: f32,
     /// Seed of the search.
     pub seed: u64,
+    /// Steps of the model that it may take for each sample, at least 1: as many as [`Monitor::work`](super::Monitor::work) is
+    /// allowed. An analysis ends before the next window is full, with what it has found by then, but for a first look, which
+    /// it always takes. `u32::MAX` lets every search come to its end.
+    pub steps_per_sample: u32,
 }
 
 /// Why a configuration is refused.
@@ -90,6 +94,8 @@ pub enum ConfigError {
     Range(Parameter),
     /// The parameter of a fault reaches the transition matrices, which would have to be made anew for each candidate.
     Reach(Parameter),
+    /// No step of the model is allowed for a sample: nothing would ever be said.
+    Steps,
     /// The model needs an input that a stream does not have: a driving force, or the time of a step load, which is no fault
     /// either.
     Input,
@@ -112,6 +118,7 @@ impl fmt::Display for ConfigError {
                 f.write_str("the noise of the position is not a positive number, or that of the current")
             }
             Self::FalseAlarmRate => f.write_str("the rate of false alarms is not between 0 and 1"),
+            Self::Steps => f.write_str("no step of the model is allowed for a sample"),
             Self::Range(parameter) => {
                 let name = parameter.info().name;
                 write!(
@@ -168,6 +175,9 @@ impl<const FAULTS: usize> Config<FAULTS> {
         if !(self.false_alarm_rate > 0.0 && self.false_alarm_rate < 1.0) {
             return Err(ConfigError::FalseAlarmRate);
         }
+        if self.steps_per_sample == 0 {
+            return Err(ConfigError::Steps);
+        }
         if self.form.drive == Drive::Force || self.parameters.step_load != 0.0 {
             return Err(ConfigError::Input);
         }
@@ -209,6 +219,14 @@ impl<const FAULTS: usize> Config<FAULTS> {
         let known = self.parameters.get(parameter);
         let [lower, upper] = fault.map_or([known; 2], |fault| [fault.free.lower, fault.free.upper]);
         upper.abs().max(lower.abs())
+    }
+
+    /// Most steps of the model that the analysis of a window of a number of samples takes: nine tenths of what comes with them.
+    /// Each call may leave what is less than the longest piece.
+    pub(super) fn most_steps(&self, samples: usize) -> u32 {
+        const LEFT: u32 = LONGEST_PIECE - 1;
+        let taken = self.steps_per_sample.saturating_sub(LEFT).max(self.steps_per_sample.min(LEFT));
+        taken.saturating_mul(samples as u32) / 10 * 9
     }
 
     /// How far the ram may be from zero, m: a quarter beyond its stop.

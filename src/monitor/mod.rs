@@ -56,6 +56,12 @@ use window::{Scale, Window};
 
 /// Time at the start of a window that is not compared, s.
 const SETTLE: f32 = 0.1;
+/// Time over which it is measured how fast an actuator moves at the start of a window, s.
+const SPEED_TIME: f32 = 0.005;
+/// Standard deviations of its noise by which the first position may differ from the command, of what rests there.
+const REST_SIGMA: f32 = 4.0;
+/// Windows in a row that a motion may leave unexplained and is carried on: a fault that grows takes two.
+const MOST_UNEXPLAINED: u32 = 2;
 /// A sensor with fewer than this part of its samples has failed, in tenths.
 const LEAST_PRESENT: u32 = 9;
 
@@ -108,6 +114,8 @@ pub struct Monitor<S, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     start: Slot<Start>,
     /// Where it has ended in the last one.
     carried: Slot<Start>,
+    /// Windows in a row that it has not explained.
+    unexplained: u32,
     /// Best estimate so far.
     genes: [f32; FAULTS],
     /// Members of the last population.
@@ -147,6 +155,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
             analysis: Analysis::IDLE,
             start: Slot::Empty,
             carried: Slot::Empty,
+            unexplained: 0,
             genes: [0.0; FAULTS],
             seeds: [[0.0; FAULTS]; POPULATION],
             has_seeds: false,
@@ -194,6 +203,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         self.is_analysing = false;
         self.has_analysis = false;
         self.carried = Slot::Empty;
+        self.unexplained = 0;
         self.start = Slot::Empty;
         // Nothing is known yet: the search starts at a healthy actuator.
         self.genes = core::array::from_fn(|gene| {
@@ -316,12 +326,15 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
             return;
         }
         let follows = self.filling().follows;
-        let first = self.filling().get(0);
-        let position = (0..SAMPLES).find_map(|sample| self.filling().get(sample).user(scale));
+        let command = self.filling().get(0).command(scale);
+        let later = (SPEED_TIME / config.sample_period) as usize;
+        let position = self.filling().user_from(0, scale).unwrap_or(command);
+        let moved = self.filling().user_from(later, scale).unwrap_or(position) - position;
+        let rests = (position - command).abs() <= REST_SIGMA * config.believed_noise()[0];
+        let velocity = if rests { 0.0 } else { moved / SPEED_TIME };
         let carried = self.carried.take().filter(|carried| follows && carried.is_finite());
-        let at_rest =
-            || Start::at_rest(&config.model(&self.genes), position.unwrap_or_else(|| first.command(scale)));
-        self.start = Slot::Full(carried.unwrap_or_else(at_rest));
+        let anew = || Start::moving(&config.model(&self.genes), position, velocity);
+        self.start = Slot::Full(carried.unwrap_or_else(anew));
         self.carried = Slot::Empty;
         self.analysed = number;
         self.latency = 0;
@@ -382,7 +395,6 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
             ..self.blank()
         };
         let Some(config) = self.config.get().copied() else { return report };
-        self.carried = Slot::Full(found.end);
         let errors = found.standard_errors();
         let widening = found.widening();
         let is_explained = found.is_explained();
@@ -420,6 +432,10 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
             // A channel without a single sample has no residual, and its noise may not be finite.
             report.offset[channel] = finite(mean * noise);
             report.residual_rms[channel] = if rms == 0.0 { 0.0 } else { rms * noise };
+        }
+        self.unexplained = if informs && !is_explained { self.unexplained.saturating_add(1) } else { 0 };
+        if self.unexplained <= MOST_UNEXPLAINED {
+            self.carried = Slot::Full(found.end);
         }
         report.verdict = match (informs, is_explained, is_faulty) {
             // It runs away, and may have no turns that could tell of a fault.

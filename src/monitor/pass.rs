@@ -18,6 +18,10 @@ use crate::simulate::Follower;
 const CHUNK: usize = 40;
 /// Width of the forward difference, in genes.
 const DIFFERENCE: f32 = 2e-3;
+/// Time that a valve takes to open or to close, s: where the spool is not known, the ram is as far off as it moves in that.
+const VALVE_TIME: f32 = 0.01;
+/// Part of the noise by which motions from two starts may differ, and their starts count as forgotten.
+pub(super) const ALIKE: f32 = 0.2;
 
 /// Where a motion starts, or where it has ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -28,12 +32,23 @@ pub(super) struct Start {
     pub(super) user: f32,
     /// Command one sample before the window, m; none where the motion starts with the window.
     pub(super) command: Option<f32>,
+    /// How far from here the ram may be instead, m: 0 where the motion has long been followed.
+    pub(super) doubt: f32,
 }
 
 impl Start {
-    /// At rest at a position.
-    pub(super) fn at_rest(model: &Model<f32>, ram: f32) -> Self {
-        Self { state: model.at_rest(ram), mode: model.mode_at_rest(), user: ram, command: None }
+    /// At a position, m, in motion with a velocity, m/s: the spool lets through what that takes where no pressure drops.
+    pub(super) fn moving(model: &Model<f32>, ram: f32, velocity: f32) -> Self {
+        let mut state = State { ram_velocity: velocity, ..model.at_rest(ram) };
+        let mut mode = model.mode_at_rest();
+        mode.jack = i8::from(velocity > 0.0) - i8::from(velocity < 0.0);
+        let parameters = model.parameters();
+        let spool = parameters.jack_area * velocity / parameters.flow_gain;
+        // A spool in its dead zone, or in the play of its feedback, starts in the middle.
+        if spool.abs() < parameters.spool_stop && mode.overlap != 0 && mode.feedback_play != 0 {
+            state.spool = spool;
+        }
+        Self { state, mode, user: ram, command: None, doubt: velocity * VALVE_TIME }
     }
 
     /// Is every entry a number? A model that has run away leaves none.
@@ -43,14 +58,14 @@ impl Start {
 
     /// A state that an actuator can be in?
     pub(super) fn is_sound(&self, bounds: &State<f32>) -> bool {
-        let Self { state, mode, user, command } = self;
+        let Self { state, mode, user, command, doubt } = self;
         let inside = |value: f32, bound: f32| value.abs() <= bound;
         // Bounds are a quarter beyond the stops.
         let stops = |piece: i8, value: f32, bound: f32| {
             piece.unsigned_abs() < 2 || value * f32::from(piece.signum()) >= 0.75 * bound
         };
         state.to_array().into_iter().zip(bounds.to_array()).all(|(value, bound)| inside(value, bound))
-            && [state.ram_rest, state.spool_rest, *user, command.unwrap_or(0.0)]
+            && [state.ram_rest, state.spool_rest, *user, command.unwrap_or(0.0), 0.5 * doubt]
                 .iter()
                 .all(|&value| inside(value, bounds.ram))
             && stops(mode.spool, state.spool, bounds.spool)
@@ -106,13 +121,28 @@ impl Path {
     }
 }
 
+/// What a walk along a window is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Aim {
+    /// What the candidate leaves.
+    Cost,
+    /// That and its derivatives, of a neighbour for each gene.
+    Slopes,
+    /// When its motion has forgotten where it started. Its neighbour is the same candidate from as far off as the start may
+    /// be.
+    Settling,
+}
+
 /// A walk along a window in progress.
 #[derive(Clone, Debug)]
 pub(super) struct Pass<const GENES: usize> {
     pub(super) genes: [f32; GENES],
     widths: [f32; GENES],
-    /// Are the derivatives wanted?
-    with_neighbours: bool,
+    aim: Aim,
+    /// Samples that are not compared, while the start is forgotten.
+    settle: usize,
+    /// How far from where it has ended the candidate may be instead, m.
+    doubt: f32,
     /// The model whose turn it is. It is made anew at every turn: three would take a kilobyte more.
     model: Slot<Model<f32>>,
     base: Run<f32>,
@@ -182,7 +212,7 @@ pub(super) struct Scene<'a, const GENES: usize, const SAMPLES: usize> {
     pub(super) scale: Scale,
     pub(super) window: &'a Window<SAMPLES>,
     pub(super) start: &'a Start,
-    /// Samples that are not compared, while the start is forgotten.
+    /// Least number of samples that are not compared, while the start is forgotten.
     pub(super) settle: usize,
 }
 
@@ -258,7 +288,9 @@ impl<const GENES: usize> Pass<GENES> {
     pub(super) const IDLE: Self = Self {
         genes: [0.0; GENES],
         widths: [0.0; GENES],
-        with_neighbours: false,
+        aim: Aim::Cost,
+        settle: 0,
+        doubt: 0.0,
         model: Slot::Empty,
         base: Run::IDLE,
         moved: [Run::IDLE; GENES],
@@ -301,8 +333,7 @@ impl<const GENES: usize> Pass<GENES> {
                 }
             }
             self.done = 0;
-            let next = (self.turn..GENES)
-                .find(|&gene| self.with_neighbours && self.sight.is_own.get(gene).copied().unwrap_or(false));
+            let next = (self.turn..GENES).find(|&gene| self.sight.is_own.get(gene).copied().unwrap_or(false));
             if let Some(gene) = next {
                 self.turn = gene + 1;
             } else {
@@ -310,7 +341,7 @@ impl<const GENES: usize> Pass<GENES> {
                 self.gather(scene, end);
                 self.chunk += CHUNK;
             }
-            if self.with_neighbours {
+            if self.aim == Aim::Slopes {
                 self.turn_to(scene.config);
             }
             // Another motion: its constant terms are others.
@@ -390,7 +421,7 @@ impl<const GENES: usize> Pass<GENES> {
             let demand = model.demand(&run.mode, &run.state, &scene.input(sample));
             let current = model.controller.current(run.mode.current, demand, 1.0);
             let ram = run.state.ground();
-            self.sight.look(self.turn, self.done, ram, current, sample >= scene.settle);
+            self.sight.look(self.turn, self.done, ram, current, sample >= self.settle);
         }
     }
 
@@ -411,14 +442,14 @@ impl<const GENES: usize> Pass<GENES> {
         let (Some(before), None) = (scene.command_before(first), self.place) else { return };
         let steps = allowance.saturating_sub(LONGEST_PIECE - 1);
         let most = scene.unbroken(first, before, end.saturating_sub(self.done) as u32);
-        let (turn, sight) = (self.turn, &mut self.sight);
+        let (turn, settle, sight) = (self.turn, self.settle, &mut self.sight);
         let (mut place, mut sample) = (self.done, first);
         stepper.enter(model, run);
         let command = |done: u32| (done < most).then(|| scene.command(first + done as usize));
         let taken = run.steps;
         stepper.glide(run, before, steps, command, |passing| {
             sight.each_user(turn, |user| user.pass(passing));
-            sight.look(turn, place, passing.ram, passing.current, sample >= scene.settle);
+            sight.look(turn, place, passing.ram, passing.current, sample >= settle);
             place += 1;
             sample += 1;
         });
@@ -426,13 +457,24 @@ impl<const GENES: usize> Pass<GENES> {
         self.done = place;
     }
 
-    /// Adds the residuals of a chunk to the sums.
+    /// Adds the residuals of a chunk to the sums, or looks how far its motions differ.
     #[inline(never)]
     fn gather<const SAMPLES: usize>(&mut self, scene: &Scene<'_, GENES, SAMPLES>, count: usize) {
         let noise = scene.config.believed_noise();
         for (offset, predicted) in self.sight.predicted.iter().enumerate().take(count) {
             let sample = self.chunk + offset;
-            if sample < scene.settle {
+            if sample < self.settle {
+                continue;
+            }
+            if let (Aim::Settling, Some(other)) = (self.aim, predicted.moved.first()) {
+                let apart = |channel: usize| other[channel] - predicted.base[channel];
+                // What runs away is to be compared: nothing explains less.
+                let differs =
+                    |channel| (ALIKE * noise[channel]..f32::INFINITY).contains(&apart(channel).abs());
+                if (0..CHANNELS).any(differs) {
+                    self.settle = sample + 1;
+                }
+                self.doubt = apart(0);
                 continue;
             }
             let packed: Packed = scene.window.get(sample);
@@ -442,7 +484,7 @@ impl<const GENES: usize> Pass<GENES> {
                 let residual = measured[channel].map(|value| (value - predicted.base[channel]) * weight);
                 let slope = core::array::from_fn(|gene| {
                     let change = predicted.moved[gene][channel] - predicted.base[channel];
-                    if self.with_neighbours { change * weight / self.widths[gene] } else { 0.0 }
+                    if self.aim == Aim::Slopes { change * weight / self.widths[gene] } else { 0.0 }
                 });
                 self.sums.add(channel, residual, &slope);
             }
@@ -466,7 +508,14 @@ impl<const GENES: usize> Pass<GENES> {
             mode: self.base.mode,
             user: self.sight.base_user.position(),
             command: Some(scene.window.get(SAMPLES.saturating_sub(1)).command(scene.scale)),
+            doubt: self.doubt,
         }
+    }
+
+    /// Begins a window: nothing is known of how long its start matters.
+    pub(super) const fn begin(&mut self, settle: usize) {
+        self.settle = settle;
+        self.doubt = 0.0;
     }
 
     /// Starts with genes. Not inlined: see [`Analysis`](super::analysis::Analysis).
@@ -475,12 +524,17 @@ impl<const GENES: usize> Pass<GENES> {
         &mut self,
         scene: &Scene<'_, GENES, SAMPLES>,
         genes: &[f32; GENES],
-        with_neighbours: bool,
+        aim: Aim,
     ) {
         let Scene { config, start, .. } = scene;
         self.genes = *genes;
-        self.widths = widths(genes);
-        self.with_neighbours = with_neighbours;
+        let neighbours = match aim {
+            Aim::Cost => 0,
+            Aim::Settling => 1,
+            Aim::Slopes => GENES,
+        };
+        self.widths = if aim == Aim::Slopes { widths(genes) } else { [0.0; GENES] };
+        self.aim = aim;
         self.model = Slot::Empty;
         let input = scene.first_input();
         self.sight.is_own = [false; GENES];
@@ -498,19 +552,24 @@ impl<const GENES: usize> Pass<GENES> {
                         self.sight.is_own.get_mut(gene),
                         self.moved.get_mut(gene),
                         self.sight.moved_users.get_mut(gene),
-                        with_neighbours,
+                        gene < neighbours,
                     ) else {
                         continue;
                     };
-                    *is_own = Model::<f32>::reach(config.form, fault.free.parameter) != Reach::Output;
+                    *is_own = aim == Aim::Settling
+                        || Model::<f32>::reach(config.form, fault.free.parameter) != Reach::Output;
                     (run, user)
                 }
             };
             self.model = Slot::Full(config.model(&moved_genes(&self.genes, &self.widths, turn)));
             if let Some(model) = self.model.get() {
-                *run = Run::starting(model, start.state, start.mode, &input);
+                let mut state = start.state;
+                if aim == Aim::Settling && turn > 0 {
+                    state.move_ram(start.doubt);
+                }
+                *run = Run::starting(model, state, start.mode, &input);
                 *user = Follower::of(model, config.sample_period);
-                user.start(model, &start.state, start.user);
+                user.start(model, &state, start.user);
             }
         }
     }

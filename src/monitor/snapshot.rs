@@ -19,7 +19,7 @@ use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 /// "EHAM".
 const MARK: u32 = 0x4d41_4845;
 /// Version of the list of fields, which a test holds to it.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 const CHECKSUM: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
@@ -192,8 +192,17 @@ fn digest<const FAULTS: usize>(config: &Config<FAULTS>, shape: [usize; 2]) -> u3
     let checksum = CHECKSUM;
     let mut digest = Digest(checksum.digest());
     let mut config = *config;
-    let Config { form, parameters, sample_period, holds_command, noise, faults, false_alarm_rate, seed } =
-        &mut config;
+    let Config {
+        form,
+        parameters,
+        sample_period,
+        holds_command,
+        noise,
+        faults,
+        false_alarm_rate,
+        seed,
+        steps_per_sample,
+    } = &mut config;
     for mut word in
         [shape[0] as u32, shape[1] as u32, form.valve as u32, form.feedback as u32, form.drive as u32]
     {
@@ -212,6 +221,7 @@ fn digest<const FAULTS: usize>(config: &Config<FAULTS>, shape: [usize; 2]) -> u3
             digest.float(value);
         }
     }
+    digest.word(steps_per_sample);
     digest.word(&mut (*seed as u32));
     digest.word(&mut ((*seed >> 32) as u32));
     digest.0.finalize()
@@ -225,7 +235,7 @@ fn exclusions(archive: &mut impl Archive, exclusions: &mut Exclusions) {
 
 /// What is no state of an actuator is dropped after a restore, not refused: a model that runs away leaves some as well.
 fn start(archive: &mut impl Archive, start: &mut Start) {
-    let Start { state, mode, user, command } = start;
+    let Start { state, mode, user, command, doubt } = start;
     let (mut values, mut rests) = (state.to_array(), [state.ram_rest, state.spool_rest]);
     for value in values.iter_mut().chain(&mut rests) {
         archive.any(value);
@@ -235,6 +245,7 @@ fn start(archive: &mut impl Archive, start: &mut Start) {
         archive.piece(field, most);
     }
     archive.any(user);
+    archive.any(doubt);
     archive.maybe(command, Archive::float);
 }
 
@@ -381,6 +392,7 @@ where
             archive.within(gene, [0.0, 1.0]);
         }
         slot(archive, &mut self.carried);
+        archive.word(&mut self.unexplained);
         slot(archive, &mut self.start);
         archive.flag(&mut self.is_analysing);
         for count in
@@ -451,6 +463,7 @@ mod tests {
             faults: [Fault::new(Parameter::Backlash, [0.0, 1e-3], 1e-4, 2e-4)],
             false_alarm_rate: 1e-6,
             seed: 1,
+            steps_per_sample: 100,
         };
         monitor.configure(&config).unwrap();
         let checksum = CHECKSUM;
@@ -458,11 +471,18 @@ mod tests {
         monitor.archive(&mut number);
         // Which field has got which number: a field's name, and its place in the list.
         let Monitor { windows, screen, evidence, genes, seeds, carried, start, exclusions, .. } = &*monitor;
-        let counts = [monitor.number, monitor.analysed, monitor.latency, monitor.skipped, monitor.samples];
+        let counts = [
+            monitor.number,
+            monitor.analysed,
+            monitor.latency,
+            monitor.skipped,
+            monitor.samples,
+            monitor.unexplained,
+        ];
         let fields = format!(
             "{windows:?} {screen:?} {evidence:?} {genes:?} {seeds:?} {carried:?} {start:?} {counts:?} {exclusions:?}"
         );
         let list = [number.next, number.kinds.finalize(), checksum.checksum(fields.as_bytes())];
-        assert_eq!((VERSION, list), (3, [533, 1_469_622_811, 3_976_524_744]), "raise VERSION, and set these");
+        assert_eq!((VERSION, list), (4, [536, 2_453_614_576, 183_365_744]), "raise VERSION, and set these");
     }
 }

@@ -160,6 +160,12 @@ impl<const SAMPLES: usize> Window<SAMPLES> {
         self.samples.get(sample).copied().unwrap_or(Packed::NONE)
     }
 
+    /// The first user position from a sample on, m.
+    #[inline(never)]
+    pub(super) fn user_from(&self, sample: usize, scale: Scale) -> Option<f32> {
+        self.samples.iter().skip(sample).find_map(|packed| packed.user(scale))
+    }
+
     /// Samples from one on that have a user position, and that have a current.
     pub(super) fn present(&self, from: usize, scale: Scale) -> [u32; 2] {
         let mut present = [0; 2];

@@ -43,6 +43,7 @@ pub(crate) fn config() -> Config<2> {
         ],
         false_alarm_rate: Config::<2>::FALSE_ALARM_RATE,
         seed: 1,
+        steps_per_sample: STEPS_PER_SAMPLE,
     }
 }
 
@@ -104,6 +105,8 @@ impl Flown {
 /// An actuator that flies.
 pub(crate) struct Flight<C> {
     command: C,
+    /// Does the command keep the value of a sample until the next one?
+    pub(crate) holds: bool,
     parameters: Parameters<f32>,
     stepper: Steps,
     motion: Motion<f32>,
@@ -125,7 +128,7 @@ impl<C: Fn(u32) -> f32> Flight<C> {
         let mut stepper = Steps::new();
         stepper.begin(PERIOD, false, true);
         let motion = actuator.at_rest(first, &input);
-        Self { command, parameters, stepper, motion, random: Random::new(seed), sample: 0 }
+        Self { command, holds: false, parameters, stepper, motion, random: Random::new(seed), sample: 0 }
     }
 
     /// The next sample, with a backlash and a friction.
@@ -150,9 +153,14 @@ impl<C: Fn(u32) -> f32> Flight<C> {
         let mut input = Input { command, command_rate: 0.0, force: 0.0 };
         if self.sample > 0 {
             let before = (self.command)(self.sample - 1);
-            let segment = InputSegment::between([before, command], [0.0; 2], 0.0, 1.0 / PERIOD);
+            let arriving = if self.holds { before } else { command };
+            let segment = InputSegment::between([before, arriving], [0.0; 2], 0.0, 1.0 / PERIOD);
             actuator.advance(&mut self.stepper, &mut self.motion, &segment);
             input.command_rate = segment.start.command_rate;
+            if arriving != command {
+                let from = Input { command: arriving, ..input };
+                actuator.jump(&mut self.stepper, &mut self.motion, &from, &input, PERIOD);
+            }
         }
         let outputs = actuator.measure(&mut self.motion, &input);
         let tick = self.sample;

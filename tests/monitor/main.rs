@@ -7,5 +7,6 @@ mod flight;
 mod pacing;
 mod restart;
 mod sensors;
+mod starts;
 mod station;
 mod verdicts;

@@ -4,17 +4,27 @@ use crate::flight::{Flight, Flown, HEALTHY, Steps, TestMonitor, WINDOW, config, 
 use eha_monitor::integrate::LONGEST_PIECE;
 use eha_monitor::integrate::observed::Observed;
 use eha_monitor::monitor::Monitor;
+use eha_monitor::monitor::config::Config;
 use eha_monitor::monitor::queue::SampleQueue;
 use eha_monitor::monitor::report::Report;
+use eha_monitor::parameter::Parameters;
 use std::cell::Cell;
 
+/// A configuration that explains nothing: the torque motor is said to have lost a third of its gain, and has not.
+fn wrong() -> Config<2> {
+    let source = Parameters::default();
+    let parameters = Parameters { torque_motor_gain: 0.7 * source.torque_motor_gain, ..source };
+    Config { parameters, ..config() }
+}
+
 /// Reports of a flight with some polls of a budget every so many samples, without what depends on the time that they took.
-fn reports(budget: u32, polls: u32, every: u32) -> Vec<Report<2>> {
+fn reports(config: &Config<2>, [budget, polls, every]: [u32; 3]) -> Vec<Report<2>> {
     let flown = Flown::new(21);
     let mut flight = Flight::new(|sample| flown.at(sample), 21);
     let mut queue = SampleQueue::<64>::new();
     let (mut inlet, mut outlet) = queue.split();
     let mut monitor: Box<TestMonitor> = monitor();
+    monitor.configure(config).unwrap();
     let mut reports = Vec::new();
     for sample in 0..5 * WINDOW as u32 {
         assert!(inlet.push(flight.next(HEALTHY)));
@@ -31,23 +41,57 @@ fn reports(budget: u32, polls: u32, every: u32) -> Vec<Report<2>> {
 
 #[test]
 fn the_result_does_not_depend_on_how_the_work_is_cut() {
-    let whole = reports(u32::MAX, 1, 1);
-    assert_eq!(whole.len(), 4);
-    for (budget, polls, every) in [
-        (20, 12, 1),
-        (LONGEST_PIECE, 12, 1),
-        (LONGEST_PIECE + 1, 8, 1),
-        (57, 1, 2),
-        (1000, 1, 50),
-        (100_000, 1, 7),
-    ] {
-        assert_eq!(
-            reports(budget, polls, every)[..3],
-            whole[..3],
-            "{polls} times {budget} steps, {every} samples"
-        );
+    let cuts = [
+        [20, 12, 1],
+        [LONGEST_PIECE, 12, 1],
+        [LONGEST_PIECE + 1, 8, 1],
+        [57, 1, 1],
+        [1000, 1, 20],
+        [100_000, 1, 7],
+    ];
+    // Searches that come to their end, and some that run out of steps: in the first look, in a descent, while they breed.
+    let short = [1, 3, 9, 20, 24].map(|steps_per_sample| Config { steps_per_sample, ..wrong() });
+    for config in [config()].iter().chain(&short) {
+        let whole = reports(config, [u32::MAX, 1, 1]);
+        assert_eq!(whole.len(), 4);
+        for cut in cuts {
+            assert_eq!(reports(config, cut)[..3], whole[..3], "{cut:?} of {}", config.steps_per_sample);
+        }
+        assert_eq!(reports(config, [0, 100, 1]), []);
     }
-    assert_eq!(reports(0, 100, 1), []);
+}
+
+/// Of ten flights of a held command: the windows, those that were skipped, and the latest report, samples.
+fn pace(config: &Config<2>, steps: u32) -> (u32, u32, u32) {
+    let (mut windows, mut skipped, mut latest) = (0, 0, 0);
+    for seed in 0..10 {
+        let flown = Flown::lively(seed);
+        let mut flight = Flight::new(|sample| flown.at(sample), seed);
+        flight.holds = true;
+        let mut monitor = monitor();
+        monitor.configure(&Config { holds_command: true, ..*config }).unwrap();
+        for _ in 0..6 * WINDOW + 100 {
+            monitor.take(&flight.next(HEALTHY));
+            let report = monitor.work(steps).1;
+            latest = latest.max(report.map_or(0, |report| report.latency_samples));
+        }
+        windows += monitor.counters().windows;
+        skipped += monitor.counters().skipped;
+    }
+    (windows, skipped, latest)
+}
+
+#[test]
+fn a_search_ends_before_the_next_window_is_full() {
+    // A command that is held, and a model that explains nothing: the dearest searches.
+    for steps in [60, 100, 200] {
+        let (windows, skipped, latest) = pace(&Config { steps_per_sample: steps, ..wrong() }, steps);
+        assert_eq!((windows, skipped), (60, 0), "{steps}");
+        assert!(latest < WINDOW as u32, "{steps}: {latest}");
+    }
+    // What a search takes that nobody ends.
+    let (_, skipped, latest) = pace(&Config { steps_per_sample: u32::MAX, ..wrong() }, 100);
+    assert!(skipped > 20 && latest > 2 * WINDOW as u32, "{skipped} {latest}");
 }
 
 #[test]

@@ -24,8 +24,8 @@ impl Line {
         said
     }
 
-    fn set_up(&mut self, config: &Config<2>, steps_per_sample: u16) -> bool {
-        let setup = Setup::of(config, steps_per_sample).expect("few changes");
+    fn set_up(&mut self, config: &Config<2>) -> bool {
+        let setup = Setup::of(config).expect("few changes");
         let said = self.send(&ToMonitor::Setup(setup));
         assert!(matches!(said[..], [FromMonitor::Ready(_)]), "{said:?}");
         said[0] == FromMonitor::Ready(true)
@@ -35,12 +35,12 @@ impl Line {
 #[test]
 fn a_setup_that_is_refused_leaves_the_monitor_at_work() {
     let mut line = Line { station: Box::new(Station::new(Steps::new())), decoder: Decoder::new() };
-    assert!(!line.set_up(&config(), 0), "it would never come to a report");
+    assert!(!line.set_up(&Config { steps_per_sample: 0, ..config() }), "it would never come to a report");
     assert_eq!(line.station.monitor().config(), None);
-    assert!(line.set_up(&config(), 1));
-    assert!(line.set_up(&config(), 200));
-    assert!(!line.set_up(&Config { sample_period: 1.0, ..config() }, 100));
-    assert!(!line.set_up(&Config { seed: 2, ..config() }, 0));
+    assert!(line.set_up(&Config { steps_per_sample: 1, ..config() }));
+    assert!(line.set_up(&config()));
+    assert!(!line.set_up(&Config { sample_period: 1.0, ..config() }));
+    assert!(!line.set_up(&Config { seed: 2, steps_per_sample: 0, ..config() }));
     assert_eq!(line.station.monitor().config(), Some(&config()));
     let flown = Flown::new(51);
     let mut flight = Flight::new(|sample| flown.at(sample), 51);

@@ -191,11 +191,14 @@ fn a_command_that_is_held_is_followed_where_the_monitor_is_told() {
     // At the rate of the samples, with jumps of millimetres, and over a bus that brings a command every 20 ms.
     let fast = |command: Flyable| command.held(4 * WINDOW, 1e-3);
     for command in [fast(Flyable::Mixed), fast(Flyable::MixedStep), Flyable::Mixed.held(200, 0.02)] {
-        // Jumps of a millimetre cost so many steps that a search takes longer than its window: another one is skipped.
+        // Jumps of a millimetre cost so many steps that the first search may have to end before it has found both faults.
         let told = reports_of_plant(&command, true);
         let is_fault = |&verdict: &Verdict| verdict == Verdict::Fault;
-        assert!(told.len() > 1 && verdicts(&told).iter().all(is_fault), "{told:?}");
-        for (fault, truth) in told.iter().flat_map(|report| report.faults.iter().zip([2e-4, 800.0])) {
+        assert_eq!(told.len(), 3);
+        assert!(told[0].verdict == Verdict::ModelInadequate || told[0].verdict == Verdict::Fault, "{told:?}");
+        assert!(verdicts(&told[1..]).iter().all(is_fault), "{told:?}");
+        let found = told.iter().filter(|report| report.verdict == Verdict::Fault);
+        for (fault, truth) in found.flat_map(|report| report.faults.iter().zip([2e-4, 800.0])) {
             assert!((fault.value - truth).abs() < 4.5 * fault.standard_error, "{told:?}");
         }
         // What lines would make of it.

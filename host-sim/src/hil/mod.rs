@@ -29,7 +29,7 @@ use stream::{Growth, Simulated};
 /// Modes whose transition matrices the host's monitor keeps; results do not depend on it.
 const SLOTS: usize = 8;
 /// Steps of the model that the monitor may take for each sample: an eighth of the processor at 480 MHz.
-pub const STEPS_PER_SAMPLE: u16 = 100;
+pub const STEPS_PER_SAMPLE: u32 = 100;
 /// Said where the monitor at the other end does not take the rig.
 const REFUSED: &str = "the monitor at the other end refuses this rig: one that is not piecewise affine needs the image for \
                        every rig (`any-rig`)";
@@ -140,6 +140,7 @@ impl Session {
             faults,
             false_alarm_rate: Config::<FAULTS>::FALSE_ALARM_RATE,
             seed: 1,
+            steps_per_sample: STEPS_PER_SAMPLE,
         };
         Ok(Self { config, samples: simulated.samples()?, damage: 0.0, seed: 1 })
     }
@@ -180,7 +181,7 @@ impl Session {
         let too_long =
             || Failure::usage("the rig changes more parameters than a message to the firmware holds");
         let frame_of = |message: &ToMonitor| frame_of(message).ok_or_else(too_long);
-        let setup = Setup::of(&self.config, STEPS_PER_SAMPLE).ok_or_else(too_long)?;
+        let setup = Setup::of(&self.config).ok_or_else(too_long)?;
         let mut pieces = vec![Piece { bytes: frame_of(&ToMonitor::Setup(setup))?, due: 0 }];
         for (index, chunk) in self.samples.chunks(SAMPLES).enumerate() {
             let first = index * SAMPLES;

@@ -8,7 +8,7 @@ use crate::failure::Failure;
 use crate::fit::TYPICAL_NOISE;
 use crate::hil::line::Line;
 use crate::hil::stream::{Growth, Simulated, of_record};
-use crate::hil::{Outcome, Session};
+use crate::hil::{Outcome, STEPS_PER_SAMPLE, Session};
 use crate::output::{self, counted, number, quantity};
 use crate::rig::{CommandPath, Rig};
 use eha_monitor::channel::Channel;
@@ -152,6 +152,7 @@ fn session(common: &Common, options: &Options, rig: &Rig) -> Result<Session, Fai
         faults: watched(options, rig)?,
         false_alarm_rate: Config::<FAULTS>::FALSE_ALARM_RATE,
         seed: common.seed,
+        steps_per_sample: STEPS_PER_SAMPLE,
     };
     Ok(Session { config, samples, damage: options.damage, seed: common.seed })
 }

@@ -44,6 +44,7 @@ fn config() -> Config<FAULTS> {
         ],
         false_alarm_rate: Config::<FAULTS>::FALSE_ALARM_RATE,
         seed: 1,
+        steps_per_sample: STEPS_PER_SAMPLE,
     }
 }
 

@@ -44,6 +44,7 @@ fn config() -> Config<2> {
         ],
         false_alarm_rate: Config::<2>::FALSE_ALARM_RATE,
         seed: 1,
+        steps_per_sample: STEPS_PER_POLL,
     }
 }
 
