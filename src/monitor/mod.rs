@@ -11,11 +11,14 @@
 //! ```
 //!
 //! **Where a window starts.** An actuator in flight is never at rest at the start of a window, and its state is not
-//! measured. The model does not need it: the loop forgets where it was within some 20 ms, the backlash at the first
-//! turn. So the model's own motion under the last estimate is carried on from the end of one window into the next, the
-//! same for every candidate, and the first 0.1 s of a window is not compared. What is carried depends on commands alone
-//! and not on noise. Where it is missing (the first window, after a gap) the model starts at rest at the first measured
-//! position. The sensor always starts as if it had been at rest; one that remembers longer than this time is refused.
+//! measured. The model's own motion under the last estimate is carried on from the end of one window into the next, the
+//! same for every candidate, and the first 0.1 s of a window is not compared: a loop that follows its command forgets where
+//! it was within some 20 ms, the backlash at the first turn. What is carried depends on commands alone and not on noise.
+//! Where it is missing (the first window, after a gap, after windows in a row that nothing explains) the model starts at the
+//! first measured position, as fast as measured, or at rest where that is the command. A loop whose valve is at its limit
+//! forgets next to nothing meanwhile. So a second motion is walked along such a window, from as far off as the first may be,
+//! and nothing is compared before both are alike; if they are not by its end, the next window goes on with that. The sensor
+//! always starts as if it had been at rest; one that remembers longer than 0.1 s is refused.
 //!
 //! **What a window must ask.** The offset of each sensor is taken out (see `sums.rs`); the standard errors that the
 //! normal equations then predict say whether the window tells an alarmed fault from a healthy one. They are local: without
@@ -23,7 +26,8 @@
 //! besides. If no fault is told, the window is called uninformative and nothing is claimed.
 //!
 //! **What it costs.** [`Monitor::poll`] never takes more steps of the model than it is allowed, and stops inside a
-//! sample if it must. Up to [`LONGEST_PIECE`] of them cannot be parted.
+//! sample if it must. Up to [`LONGEST_PIECE`] of them cannot be parted. A search ends in time for the next window, with the
+//! best that it has found: [`Config::steps_per_sample`] says how much there is.
 
 mod alarm;
 mod analysis;

@@ -35,7 +35,7 @@ enum Task {
     Firmware,
     /// Link a firmware that uses the library as its own author writes one (`tests/integrator`).
     Integrator,
-    /// Run the hard cases of `diagnose`, which take as long as all other tests. Not part of `ci`: for a change to it.
+    /// Run the hard cases of `diagnose`, which take twelve minutes. Not part of `ci`: for a change to it.
     Hard,
     /// Make `docs/confusion.md` anew: what `diagnose` makes of every effect of the catalogue. Some twenty minutes.
     Confusion,
