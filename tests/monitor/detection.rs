@@ -1,6 +1,8 @@
 //! How soon a growing fault is alarmed, and that a healthy actuator is not.
 
-use crate::flight::{ALARMED, Flight, Flown, HEALTHY, WINDOW, feed, monitor};
+use crate::flight::{ALARMED, Flight, Flown, HEALTHY, WINDOW, config, feed, monitor};
+use eha_monitor::command::{COMMANDS, Command};
+use eha_monitor::monitor::config::Config;
 use eha_monitor::monitor::report::{Report, Verdict};
 use eha_monitor::random::Random;
 use std::thread;
@@ -93,6 +95,53 @@ fn healthy_flight(seed: u64) -> Vec<Report<2>> {
     let mut monitor = monitor();
     let samples = FLIGHT_WINDOWS * WINDOW as u32 + 200;
     (0..samples).filter_map(|_| feed(&mut monitor, &flight.next(HEALTHY))).collect()
+}
+
+/// Samples between the end of a growth and the alarm of every fault that has grown; none in ten windows.
+fn alarmed_after(
+    command: impl Fn(u32) -> f32,
+    holds_command: bool,
+    begin: u32,
+    grown: [f32; 2],
+) -> Option<u32> {
+    let mut flight = Flight::new(command, u64::from(begin));
+    flight.holds = holds_command;
+    let mut monitor = monitor();
+    monitor.configure(&Config { holds_command, ..config() }).unwrap();
+    let end = begin + WINDOW as u32;
+    let alarm = (0..end + 10 * WINDOW as u32).find(|&sample| {
+        let part = (f64::from(sample) - f64::from(begin)) / WINDOW as f64;
+        let part = part.clamp(0.0, 1.0) as f32;
+        let faults = [0, 1].map(|index| HEALTHY[index] + part * (grown[index] - HEALTHY[index]));
+        let said = feed(&mut monitor, &flight.next(faults));
+        said.is_some_and(|report| {
+            (0..2).all(|index| report.faults[index].alarmed == (grown[index] > HEALTHY[index]))
+        })
+    });
+    assert_eq!(monitor.counters().skipped, 0);
+    alarm.map(|sample| sample.saturating_sub(end))
+}
+
+#[test]
+fn a_fault_that_grows_at_any_time_of_any_command_is_alarmed() {
+    let mut latest = 0;
+    for row in &COMMANDS {
+        let command = Command::<f32>::new(row);
+        // Flown again and again, so that windows are cut anywhere.
+        let again = |sample: u32| command.at((sample % 1150) as f32 * 1e-3);
+        for (holds, grown) in [false, true]
+            .into_iter()
+            .flat_map(|holds| [[2e-4, 400.0], [1e-4, 600.0], [4e-4, 1500.0]].map(|grown| (holds, grown)))
+        {
+            for begin in (2000..3000).step_by(130) {
+                let after = alarmed_after(again, holds, begin, grown);
+                let after = after.unwrap_or_else(|| panic!("{} {holds} {begin} {grown:?}", row.name));
+                latest = latest.max(after);
+            }
+        }
+    }
+    println!("the latest alarm is {latest} samples behind the growth");
+    assert!(latest < 4 * WINDOW as u32, "{latest}");
 }
 
 /// No alarm in healthy windows; prints how they were called.

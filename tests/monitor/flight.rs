@@ -169,8 +169,8 @@ impl<C: Fn(u32) -> f32> Flight<C> {
     }
 }
 
-/// Steps that the monitor may take for each sample in the tests.
-pub(crate) const STEPS_PER_SAMPLE: u32 = 200;
+/// Steps that the monitor may take for each sample in the tests: as many as on the boards of `host-sim hil`.
+pub(crate) const STEPS_PER_SAMPLE: u32 = 100;
 
 /// Lets a monitor take a sample and work.
 pub(crate) fn feed(monitor: &mut TestMonitor, sample: &Sample) -> Option<Report<2>> {

@@ -19,7 +19,7 @@ fn troubled(
     let mut flight = Flight::new(|sample| flown.at(sample), 41);
     let mut monitor = monitor();
     let mut reports = Vec::new();
-    for number in 0..windows * WINDOW as u32 + 100 {
+    for number in 0..windows * WINDOW as u32 + 150 {
         if let Some(sample) = trouble(number, flight.next(HEALTHY)) {
             reports.extend(feed(&mut monitor, &sample));
         }

@@ -1,8 +1,7 @@
 //! Where a window begins: what the monitor makes of an actuator that was in motion before.
 
-use crate::flight::{Flight, Flown, HEALTHY, STEPS_PER_SAMPLE, WINDOW, config, feed, monitor};
+use crate::flight::{Flight, Flown, HEALTHY, WINDOW, feed, monitor};
 use eha_monitor::command::{Command, CommandInfo};
-use eha_monitor::monitor::config::Config;
 use eha_monitor::monitor::report::{Report, Verdict};
 
 /// A sine at which the valve is at its limit all the time: there the loop hardly forgets where it was.
@@ -66,15 +65,12 @@ fn a_fault_that_grows_in_a_saturated_actuator_is_alarmed() {
     for (index, value) in [(0, 2e-4), (1, 800.0)] {
         let mut flight = Flight::new(saturating(), 1);
         let mut monitor = monitor();
-        let steps = STEPS_PER_SAMPLE / 2;
-        monitor.configure(&Config { steps_per_sample: steps, ..config() }).unwrap();
         let mut said = Vec::new();
         for sample in 0..6 * WINDOW as u32 {
             let part = ((sample as f32 - 1300.0) / 1000.0).clamp(0.0, 1.0);
             let mut faults = HEALTHY;
             faults[index] += part * (value - HEALTHY[index]);
-            monitor.take(&flight.next(faults));
-            said.extend(monitor.work(steps).1);
+            said.extend(feed(&mut monitor, &flight.next(faults)));
         }
         assert_eq!((said.len(), monitor.counters().skipped), (5, 0));
         assert_eq!(said[4].faults.map(|fault| fault.alarmed), [index == 0, index == 1], "{said:?}");

@@ -172,7 +172,7 @@ fn every_command_of_the_table_can_be_flown() {
 fn reports_of_plant(command: &Flyable, holds_command: bool) -> Vec<Report<2>> {
     let mut plant = Plant::default();
     (plant.parameters.backlash, plant.parameters.jack_friction) = (2e-4, 800.0);
-    let mut record = plant.simulate(command, 3 * WINDOW + 300, DEFAULT_STEP);
+    let mut record = plant.simulate(command, 4 * WINDOW - 50, DEFAULT_STEP);
     add_noise(&mut record.lvdt, f64::from(config().noise.user), 5);
     add_noise(&mut record.current, f64::from(config().noise.current), 6);
     let mut monitor = monitor();
