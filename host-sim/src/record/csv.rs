@@ -10,30 +10,20 @@ use super::header::Header;
 use super::mapping::Found;
 use super::table::{Series, Table};
 use super::time_base::Digits;
-use super::{Loaded, PARQUET_SIGNATURE, ReadOptions};
+use super::{Loaded, ReadOptions};
 use cells::{Cells, is_blank, shown, with_point};
-use rows::{Rows, line_ends};
+use encoding::decode;
+use rows::Rows;
 use start::Start;
 
 mod cells;
+mod encoding;
 mod rows;
 mod start;
 mod unit_row;
 
 /// First bytes of files that are no text.
 const MAT_SIGNATURES: [&[u8]; 2] = [b"MATLAB ", b"\x89HDF\r\n\x1a\n"];
-
-/// First bytes of other files that are no text in UTF-8, and what they are.
-const OTHER_SIGNATURES: [(&[u8], &str); 5] = [
-    (b"\xff\xfe", "text in UTF-16"),
-    (b"\xfe\xff", "text in UTF-16"),
-    (b"PK\x03\x04", "a ZIP file, as an Excel workbook is one"),
-    (b"\xd0\xcf\x11\xe0", "an old Excel workbook"),
-    (PARQUET_SIGNATURE, "a Parquet file"),
-];
-
-/// Byte order mark of UTF-8.
-const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// Reads a record whose columns have the names of the channel table.
 ///
@@ -59,8 +49,9 @@ pub fn read_csv_with(path: &Path, options: &ReadOptions) -> Result<Loaded, Recor
 ///
 /// The separator is a comma, a semicolon or a tab, whichever the header has most of, or what a first line `sep=;` says;
 /// where it is no comma, numbers may have decimal commas. Where the header has none of them, blanks separate cells. Lines
-/// above the names of the columns are skipped; where there are numbers only, a comment above them may have the names. A byte
-/// order mark, CRLF, quoted cells and blank lines are fine. A row of units under the header counts for columns of which
+/// above the names of the columns are skipped; where there are numbers only, a comment above them may have the names. CRLF,
+/// quoted cells and blank lines are fine, and so is text in UTF-16 with a byte order mark; what is not UTF-8 is read as
+/// Windows-1252, with a warning. A row of units under the header counts for columns of which
 /// nothing else says a unit, and may not contradict the name of a channel. Columns that are not used become a warning. A
 /// blank cell of a measured column is a missing sample, and so is `NaN` or `NA`.
 ///
@@ -70,11 +61,12 @@ pub fn read_csv_with(path: &Path, options: &ReadOptions) -> Result<Loaded, Recor
 /// the header, a cell that is blank, not a number or not finite, and the checks of [`Record`](super::Record)
 /// and of its time.
 pub fn parse_csv(file: &str, bytes: &[u8], options: &ReadOptions) -> Result<Loaded, RecordError> {
-    let text = decode(file, bytes)?;
+    let (text, encoding) = decode(file, bytes)?;
+    let text = text.as_ref();
     let start = Start::new(file, text, |names| Header::new(names.to_vec(), options).is_ok())?;
     let (below, separator) = start.rows(text);
     let mut rows = Rows::from_line(file, &below, start.next_line(text), separator);
-    let mut notes: Vec<String> = start.note().into_iter().collect();
+    let mut notes: Vec<String> = encoding.into_iter().chain(start.note()).collect();
     let Start { names, line: header_line, .. } = start;
     if names.iter().all(|name| name.parse::<f64>().is_ok()) {
         return Err(RecordError::new(file, Problem::NoHeader).at_line(header_line));
@@ -185,32 +177,6 @@ fn leave_out_clock(columns: &mut Vec<Found<usize>>, names: &[String], row: &Stri
 /// Do the bytes start as a MAT file does?
 pub(super) fn is_mat(bytes: &[u8]) -> bool {
     MAT_SIGNATURES.iter().any(|signature| bytes.starts_with(signature))
-}
-
-/// The text of a file without its byte order mark.
-fn decode<'a>(file: &str, bytes: &'a [u8]) -> Result<&'a str, RecordError> {
-    if is_mat(bytes) {
-        return Err(RecordError::new(file, Problem::MatFile));
-    }
-    if let Some((_, looks_like)) = OTHER_SIGNATURES.iter().find(|(signature, _)| bytes.starts_with(signature))
-    {
-        return Err(RecordError::new(file, Problem::NotUtf8(looks_like)));
-    }
-    let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
-    let not_text = |place: usize, looks_like| {
-        let line = 1 + line_ends(&bytes[..place]);
-        RecordError::new(file, Problem::NotUtf8(looks_like)).at_line(line)
-    };
-    let zero = bytes.iter().position(|&byte| byte == 0);
-    match (std::str::from_utf8(bytes), zero) {
-        (Ok(text), None) => Ok(text),
-        (Err(error), None) => Err(not_text(
-            error.valid_up_to(),
-            "a byte that is not UTF-8, such as text in Windows-1252 or Latin-1 has",
-        )),
-        (Err(error), Some(zero)) => Err(not_text(error.valid_up_to().min(zero), "bytes that are no text")),
-        (Ok(_), Some(zero)) => Err(not_text(zero, "bytes that are no text")),
-    }
 }
 
 fn field(names: &[String], index: usize) -> Field {

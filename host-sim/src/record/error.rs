@@ -73,8 +73,8 @@ impl fmt::Display for Field {
 pub enum Problem {
     /// The file could not be read.
     Io(std::io::Error),
-    /// A text file that is not UTF-8; what it looks like, in words.
-    NotUtf8(&'static str),
+    /// A file that is no text; what it looks like, in words.
+    NotText(&'static str),
     /// A MAT file where a text file was expected.
     MatFile,
     /// No header, or no rows below it.
@@ -205,9 +205,7 @@ impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Io(error) => write!(f, "cannot be read: {error}"),
-            Self::NotUtf8(looks_like) => {
-                write!(f, "found {looks_like}, expected text in UTF-8: save it as CSV in UTF-8")
-            }
+            Self::NotText(looks_like) => write!(f, "found {looks_like}, expected text: save it as CSV"),
             Self::MatFile => f.write_str("found a MAT file, expected text"),
             Self::Empty => f.write_str("found no data, expected a header line and rows of numbers"),
             Self::NoHeader => f.write_str(

@@ -78,6 +78,36 @@ fn what_other_programs_write_for_a_lost_sample_is_one() {
 }
 
 #[test]
+fn what_spreadsheets_write_that_is_not_utf_8_is_read() {
+    let columns = ["command_m=ref [µm]", "lvdt_m=pos [µm]"];
+    let plain = text("t_s;ref [µm];pos [µm]", |row| {
+        let [time, command, user] = plain(row);
+        let micro = |metres: &str| format!("{metres}e6");
+        [time, micro(&command), micro(&user)]
+    });
+    let read = |bytes: &[u8]| {
+        let columns = Mapping::parse(columns).expect("a valid mapping");
+        parse_csv("run.csv", bytes, &ReadOptions { columns, ..ReadOptions::default() })
+    };
+    let utf_8 = read(plain.as_bytes()).expect("UTF-8");
+    assert!(is_motion(&utf_8.record));
+    for (mark, bytes) in [(0xfeff_u16, u16::to_le_bytes as fn(u16) -> [u8; 2]), (0xfeff, u16::to_be_bytes)] {
+        let utf_16: Vec<u8> = [mark].into_iter().chain(plain.encode_utf16()).flat_map(bytes).collect();
+        let loaded = read(&utf_16).expect("UTF-16");
+        assert!(is_motion(&loaded.record));
+        assert_eq!(loaded.warnings, utf_8.warnings);
+        // Cut in the middle of a character.
+        let cut = read(&utf_16[..utf_16.len() - 1]).expect_err("damaged").to_string();
+        assert_eq!(cut, "run.csv: found damaged text in UTF-16, expected text: save it as CSV");
+    }
+    let windows: Vec<u8> = plain.chars().map(|character| u8::try_from(character).expect("Latin-1")).collect();
+    let Loaded { record, warnings } = read(&windows).expect("Windows-1252");
+    assert!(is_motion(&record));
+    assert_eq!(warnings[0], "run.csv: line 1 is not in UTF-8: the file is read as Windows-1252");
+    assert_eq!(warnings[1..], utf_8.warnings);
+}
+
+#[test]
 fn decimal_commas_are_read_between_other_separators() {
     let german = text(HEADER, |row| plain(row).map(|cell| cell.replace('.', ",")));
     for text in [german.clone(), german.replace(';', "\t")] {
