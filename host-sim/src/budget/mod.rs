@@ -9,8 +9,15 @@ use crate::failure::Failure;
 use crate::hil::{Image, Session, line::Line};
 use std::collections::BTreeMap;
 
-/// The images of the streaming monitor, as `budgets.toml` names them.
-const MONITORS: [(&str, Image); 2] = [("monitor", Image::Plain), ("any_rig", Image::AnyRig)];
+/// How a flight of the streaming monitor is made.
+type Make = fn() -> Result<Session, Failure>;
+
+/// Flights of the streaming monitor, as `budgets.toml` names them.
+const FLIGHTS: [(&str, Make); 3] = [
+    ("monitor", || Session::reference(Image::Plain)),
+    ("saturated", Session::saturated),
+    ("any_rig", || Session::reference(Image::AnyRig)),
+];
 
 /// One figure against its limit.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -51,8 +58,8 @@ impl Target {
     /// It does not build or run, or a budget of the file is not measured.
     pub fn measure(machine: Machine, features: &[&str]) -> Result<Self, Failure> {
         let mut measures = of_workload(machine, features)?;
-        for (name, image) in MONITORS {
-            measures.append(&mut of_monitor(name, image, machine, features)?);
+        for (name, make) in FLIGHTS {
+            measures.append(&mut of_monitor(name, &make()?, machine, features)?);
         }
         let measure = |budget: Budget| {
             let (value, limit) = (budget.figure(&measures)?, budget.limit(machine.name())?);
@@ -78,17 +85,16 @@ fn of_workload(machine: Machine, features: &[&str]) -> Result<BTreeMap<String, u
     Ok(named("workload", log.measures, &footprint))
 }
 
-/// What an image of the streaming monitor measures on a short flight, and what it takes.
+/// What the image of the streaming monitor that a session needs measures on it, and what it takes.
 fn of_monitor(
     name: &str,
-    image: Image,
+    session: &Session,
     machine: Machine,
     features: &[&str],
 ) -> Result<BTreeMap<String, u64>, Failure> {
-    let session = Session::reference(image)?;
     let options = session.build_options(machine, features);
     let footprint = options.build().and_then(|firmware| firmware.footprint()).map_err(Failure::other)?;
-    let outcome = session.run(Line::to_emulator(machine, features, &session)?, |_| {})?;
+    let outcome = session.run(Line::to_emulator(machine, features, session)?, |_| {})?;
     let log = outcome.log.ok_or_else(|| Failure::other("the monitor's run left no log"))?;
     ended_well(machine, log.exit_code)?;
     Ok(named(name, log.measures, &footprint))

@@ -106,6 +106,19 @@ impl Session {
     /// # Errors
     /// None, unless the built-in rig is broken.
     pub fn reference(image: Image) -> Result<Self, Failure> {
+        Self::growing(image, "mixed", 4.2)
+    }
+
+    /// A flight of the dearest command of the table, whose faults grow: a sine at which the valve is at its limit.
+    ///
+    /// # Errors
+    /// None, unless the built-in rig is broken.
+    pub fn saturated() -> Result<Self, Failure> {
+        Self::growing(Image::Plain, "sine", 2.2)
+    }
+
+    /// A flight of a command for a time, s, in whose first second both faults grow.
+    fn growing(image: Image, command: &str, seconds: f64) -> Result<Self, Failure> {
         let mut rig = Rig::load(BUILT_IN[0].name)?;
         if image == Image::AnyRig {
             rig.parameters.metering_blend = 1.0;
@@ -124,8 +137,8 @@ impl Session {
             form: rig.form,
             parameters,
             growths: vec![growth(Parameter::Backlash, 4e-4), growth(Parameter::DryFriction, 800.0)],
-            command: "mixed".to_owned(),
-            seconds: 4.2,
+            command: command.to_owned(),
+            seconds,
             sample_period: 1e-3,
             holds_command: false,
             noise: [noise.user.into(), noise.current.into()],
