@@ -331,11 +331,11 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         }
         let follows = self.filling().follows;
         let command = self.filling().get(0).command(scale);
-        let later = (SPEED_TIME / config.sample_period) as usize;
+        let later = ((SPEED_TIME / config.sample_period + 0.5) as usize).max(1);
         let position = self.filling().user_from(0, scale).unwrap_or(command);
         let moved = self.filling().user_from(later, scale).unwrap_or(position) - position;
         let rests = (position - command).abs() <= REST_SIGMA * config.believed_noise()[0];
-        let velocity = if rests { 0.0 } else { moved / SPEED_TIME };
+        let velocity = if rests { 0.0 } else { moved / (later as f32 * config.sample_period) };
         let carried = self.carried.take().filter(|carried| follows && carried.is_finite());
         let anew = || Start::moving(&config.model(&self.genes), position, velocity);
         self.start = Slot::Full(carried.unwrap_or_else(anew));

@@ -124,7 +124,7 @@ fn alarmed_after(
 
 #[test]
 fn a_fault_that_grows_at_any_time_of_any_command_is_alarmed() {
-    let mut latest = 0;
+    let mut delays = Vec::new();
     for row in &COMMANDS {
         let command = Command::<f32>::new(row);
         // Flown again and again, so that windows are cut anywhere.
@@ -136,12 +136,15 @@ fn a_fault_that_grows_at_any_time_of_any_command_is_alarmed() {
             for begin in (2000..3000).step_by(130) {
                 let after = alarmed_after(again, holds, begin, grown);
                 let after = after.unwrap_or_else(|| panic!("{} {holds} {begin} {grown:?}", row.name));
-                latest = latest.max(after);
+                delays.push(after);
             }
         }
     }
-    println!("the latest alarm is {latest} samples behind the growth");
-    assert!(latest < 4 * WINDOW as u32, "{latest}");
+    delays.sort_unstable();
+    let share = |part: usize| delays[(delays.len() - 1) * part / 100];
+    let (half, most, all) = (share(50), share(95), share(100));
+    println!("{} alarms, samples behind the growth: half {half}, 95 % {most}, all {all}", delays.len());
+    assert!(most < 3 * WINDOW as u32 && all < 5 * WINDOW as u32);
 }
 
 /// No alarm in healthy windows; prints how they were called.
