@@ -1,6 +1,6 @@
 //! How soon a growing fault is alarmed, and that a healthy actuator is not.
 
-use crate::flight::{ALARMED, Flight, Flown, HEALTHY, WINDOW, config, feed, monitor};
+use crate::flight::{ALARMED, Flight, Flown, HEALTHY, WINDOW, config, feed, growing, monitor};
 use eha_monitor::command::{COMMANDS, Command};
 use eha_monitor::monitor::config::Config;
 use eha_monitor::monitor::report::{Report, Verdict};
@@ -43,11 +43,11 @@ fn latency_of(fault: usize, seed: u64, flown: &Flown) -> Option<Latency> {
     let mut monitor = monitor();
     let start = 2 * WINDOW as u32 + Random::new(seed ^ 0x9e37).below(WINDOW) as u32;
     let end = start + WINDOW as u32;
+    let mut grown = HEALTHY;
+    grown[fault] = ALARMED[fault];
     let mut informative = 0;
     for sample in 0..end + 10 * WINDOW as u32 {
-        let part = ((sample as f32 - start as f32) / WINDOW as f32).clamp(0.0, 1.0);
-        let mut faults = HEALTHY;
-        faults[fault] += (ALARMED[fault] - HEALTHY[fault]) * part;
+        let faults = growing(sample, start, grown);
         let Some(report) = feed(&mut monitor, &flight.next(faults)) else { continue };
         informative += u32::from(report.first_tick >= end && report.faults[fault].informative);
         if report.faults.iter().any(|fault| fault.alarmed) {
@@ -110,10 +110,7 @@ fn alarmed_after(
     monitor.configure(&Config { holds_command, ..config() }).unwrap();
     let end = begin + WINDOW as u32;
     let alarm = (0..end + 10 * WINDOW as u32).find(|&sample| {
-        let part = (f64::from(sample) - f64::from(begin)) / WINDOW as f64;
-        let part = part.clamp(0.0, 1.0) as f32;
-        let faults = [0, 1].map(|index| HEALTHY[index] + part * (grown[index] - HEALTHY[index]));
-        let said = feed(&mut monitor, &flight.next(faults));
+        let said = feed(&mut monitor, &flight.next(growing(sample, begin, grown)));
         said.is_some_and(|report| {
             (0..2).all(|index| report.faults[index].alarmed == (grown[index] > HEALTHY[index]))
         })

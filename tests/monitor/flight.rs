@@ -169,6 +169,12 @@ impl<C: Fn(u32) -> f32> Flight<C> {
     }
 }
 
+/// The faults at a sample of an actuator that is healthy until they begin to grow, and grow over a second.
+pub(crate) fn growing(sample: u32, begin: u32, grown: [f32; 2]) -> [f32; 2] {
+    let part = ((sample as f32 - begin as f32) / WINDOW as f32).clamp(0.0, 1.0);
+    [0, 1].map(|fault| HEALTHY[fault] + (grown[fault] - HEALTHY[fault]) * part)
+}
+
 /// Steps that the monitor may take for each sample in the tests: as many as on the boards of `host-sim hil`.
 pub(crate) const STEPS_PER_SAMPLE: u32 = 100;
 

@@ -1,6 +1,6 @@
 //! Where a window begins: what the monitor makes of an actuator that was in motion before.
 
-use crate::flight::{Flight, Flown, HEALTHY, WINDOW, feed, monitor};
+use crate::flight::{Flight, Flown, HEALTHY, WINDOW, feed, growing, monitor};
 use eha_monitor::command::{Command, CommandInfo};
 use eha_monitor::monitor::report::{Report, Verdict};
 
@@ -66,12 +66,11 @@ fn a_fault_that_grows_in_a_saturated_actuator_is_alarmed() {
     for (index, value) in [(0, 2e-4), (1, 800.0)] {
         let mut flight = Flight::new(saturating(), 1);
         let mut monitor = monitor();
+        let mut grown = HEALTHY;
+        grown[index] = value;
         let mut said = Vec::new();
         for sample in 0..6 * WINDOW as u32 {
-            let part = ((sample as f32 - 1300.0) / 1000.0).clamp(0.0, 1.0);
-            let mut faults = HEALTHY;
-            faults[index] += part * (value - HEALTHY[index]);
-            said.extend(feed(&mut monitor, &flight.next(faults)));
+            said.extend(feed(&mut monitor, &flight.next(growing(sample, 1300, grown))));
         }
         assert_eq!((said.len(), monitor.counters().skipped), (5, 0));
         assert_eq!(said[4].faults.map(|fault| fault.alarmed), [index == 0, index == 1], "{said:?}");
