@@ -40,6 +40,12 @@ impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Exact<T, 
         Self { cache: Cache::new(), corridor: None }
     }
 
+    /// Are samples taken whole, and may the next one be?
+    #[inline(always)]
+    fn may_glide(&self, run: &Run<T>) -> bool {
+        self.cache.units == Self::FINEST_PER_COARSEST && run.entry >= Self::TOP
+    }
+
     #[inline(always)]
     fn product(&self, state: &State<T>, input: &Input<T>, force_rate: T, level: usize) -> [T; N] {
         let rung = self.cache.ladder().and_then(|ladder| ladder.0.get(level));
@@ -113,7 +119,7 @@ impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Stepper<T
     ) -> u32 {
         let (Some(corridor), Some(ladder)) = (&self.corridor, self.cache.ladder()) else { return 0 };
         let (Some(rung), Some(terms)) = (ladder.0.last(), self.cache.terms.last()) else { return 0 };
-        if self.cache.units != Self::FINEST_PER_COARSEST || run.entry < Self::TOP {
+        if !self.may_glide(run) {
             return 0;
         }
         let mut stride = run.stride / Self::FINEST_PER_COARSEST;
@@ -126,7 +132,7 @@ impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Stepper<T
         let mut here = corridor.watched(&state, &Input { command, ..Input::default() });
         let mut passed = [Passing::default(); LONGEST_STRIDE as usize];
         let (mut done, mut steps) = (0, 0);
-        while steps < most {
+        while most - steps >= stride {
             let (mut there, mut at, mut error) = (state, command, here[ERROR]);
             let (mut count, mut way) = (0, [T::ZERO; 2]);
             for place in passed.iter_mut().take(stride as usize) {
@@ -175,7 +181,7 @@ impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Stepper<T
             (command, state, here, swing) = (at, there, after, change);
             (done, wary) = (done + count, wary.saturating_sub(count));
             passed.iter().take(count as usize).for_each(&mut see);
-            if wary == 0 && stride < LONGEST_STRIDE && corridor.has_room(&{ here }, &{ swing }) {
+            if wary == 0 && stride <= LONGEST_STRIDE / 2 && corridor.has_room(&{ here }, &{ swing }) {
                 (swing, stride) = (swing.map(|change| change + change), stride + stride);
             }
         }
@@ -187,6 +193,11 @@ impl<T: Real, const N: usize, const SLOTS: usize, const LEVELS: usize> Stepper<T
         }
         run.steps = run.steps.wrapping_add(steps);
         done
+    }
+
+    #[inline(always)]
+    fn piece(&self, run: &Run<T>) -> u32 {
+        if self.corridor.is_some() && self.may_glide(run) { LONGEST_STRIDE } else { 1 }
     }
 
     #[inline(always)]

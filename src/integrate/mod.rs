@@ -241,9 +241,8 @@ pub trait Stepper<T: Real> {
 
     /// Takes a run over whole samples, each of them one step, as long as they keep to the corridor of the mode that was
     /// entered last; returns their number. `command` is that at the start, `commands` gives that at the end of each
-    /// sample (none: enough), `see` is shown what there is to see. No piece is begun once `most` steps have been taken, those
-    /// included that are taken again because a look at several samples was not enough. The usual case, at half its price
-    /// elsewhere.
+    /// sample (none: enough), `see` is shown what there is to see. At most `most` steps are taken, those included that are
+    /// taken again because a look at several samples was not enough. The usual case, at half its price elsewhere.
     #[inline(always)]
     fn glide(
         &self,
@@ -254,6 +253,12 @@ pub trait Stepper<T: Real> {
         _see: impl FnMut(&Passing<T>),
     ) -> u32 {
         0
+    }
+
+    /// Steps without which [`glide`](Self::glide) does not go on from here.
+    #[inline(always)]
+    fn piece(&self, _run: &Run<T>) -> u32 {
+        1
     }
 
     /// The state after a step of a level in the mode that was entered last.
@@ -383,12 +388,12 @@ fn start<T: Real, S: Stepper<T>>(
     };
     let entry = core::mem::replace(&mut run.entry, usize::MAX);
     if level < S::TOP || stepper.units() != size::<T, S>(S::TOP) {
-        return Some(Place { position: 0, level: level.min(entry) });
+        return Some(Place::first(level.min(entry)));
     }
     if entry >= S::TOP && attempt(stepper, model, run, segment, 0, S::TOP) {
         return None;
     }
-    Some(Place { position: 0, level: S::TOP.saturating_sub(1).min(entry).min(run.ceiling) })
+    Some(Place::first(S::TOP.saturating_sub(1).min(entry).min(run.ceiling)))
 }
 
 /// The rate of the command may have jumped with the sample, and ended a mode on the spot.
@@ -420,40 +425,60 @@ pub struct Place {
     position: u32,
     /// Level of the next step.
     level: usize,
+    /// Does that hold an event? It is a finest one then.
+    is_crossed: bool,
+    /// Is it a place at all? A flag, not an `Option` around: what holds a place is all zeros before there is one.
+    is_inside: bool,
 }
 
-/// Most steps that cannot be parted: those of a finest step that is full of events.
-pub const LONGEST_PIECE: u32 = 1 + 3 * EVENTS_PER_STEP as u32;
+impl Place {
+    /// None: before a sample.
+    pub const BEFORE: Self = Self { position: 0, level: 0, is_crossed: false, is_inside: false };
+
+    /// From the start of a sample on.
+    const fn first(level: usize) -> Self {
+        Self { level, is_inside: true, ..Self::BEFORE }
+    }
+
+    /// Is it inside a sample?
+    pub const fn is_inside(&self) -> bool {
+        self.is_inside
+    }
+}
+
+/// Most steps that cannot be parted: those over a finest step that is full of events.
+pub const LONGEST_PIECE: u32 = 3 * EVENTS_PER_STEP as u32;
 
 /// Advances a run by one sample as [`advance`] does, but by at most `allowance` steps now.
 ///
-/// True at the end of the sample. Otherwise `place` says where it goes on with the next call. It goes nowhere on an
-/// allowance below [`LONGEST_PIECE`].
+/// True at the end of the sample. Otherwise `place` says where it goes on with the next call. It begins no sample that
+/// [`Stepper::glide`] might take on a larger allowance, and goes nowhere on none.
 #[inline]
 pub fn advance_some<T: Real, S: Stepper<T>>(
     stepper: &mut S,
     model: &Model<T>,
     run: &mut Run<T>,
     segment: &InputSegment<T>,
-    place: &mut Option<Place>,
+    place: &mut Place,
     allowance: u32,
     mut observe: impl FnMut(T, &State<T>),
 ) -> bool {
-    if allowance < LONGEST_PIECE {
+    if !place.is_inside && allowance < stepper.piece(run) {
         return false;
     }
-    let last = run.steps.saturating_add(allowance - LONGEST_PIECE);
-    let mut now = if let Some(now) = *place {
+    let most = run.steps.saturating_add(allowance);
+    if place.is_inside {
         stepper.enter(model, run);
-        now
-    } else if let Some(now) = start(stepper, model, run, segment) {
-        now
+    } else if let Some(first) = start(stepper, model, run, segment) {
+        *place = first;
     } else {
         observe(T::ONE, &run.state);
         return true;
-    };
-    let done = divide(stepper, model, run, segment, &mut now, last, &mut observe);
-    *place = if done { None } else { Some(now) };
+    }
+    let done = divide(stepper, model, run, segment, place, most, &mut observe);
+    if done {
+        *place = Place::BEFORE;
+    }
     done
 }
 
@@ -572,8 +597,8 @@ fn ceiling<T: Real, S: Stepper<T>>(level: usize, error: T) -> usize {
     }
 }
 
-/// Takes a run over one sample in several steps from a place on; none of them is begun once more than `last` steps have
-/// been taken. True at the end of the sample.
+/// Takes a run over one sample in several steps from a place on, until `most` steps may have been taken. True at the end of
+/// the sample.
 #[inline(never)]
 fn divide<T: Real, S: Stepper<T>>(
     stepper: &mut S,
@@ -581,22 +606,32 @@ fn divide<T: Real, S: Stepper<T>>(
     run: &mut Run<T>,
     segment: &InputSegment<T>,
     place: &mut Place,
-    last: u32,
+    most: u32,
     observe: &mut impl FnMut(T, &State<T>),
 ) -> bool {
     let units = stepper.units();
-    let Place { mut position, mut level } = *place;
+    let Place { mut position, mut level, mut is_crossed, is_inside } = *place;
     while position < units {
-        if run.steps > last {
-            *place = Place { position, level };
-            return false;
+        if !is_crossed {
+            if run.steps >= most {
+                *place = Place { position, level, is_crossed, is_inside };
+                return false;
+            }
+            if !attempt(stepper, model, run, segment, position, level) {
+                if level > 0 {
+                    level = run.ceiling.min(level - 1);
+                    continue;
+                }
+                is_crossed = true;
+            }
         }
-        if !attempt(stepper, model, run, segment, position, level) {
-            if level > 0 {
-                level = run.ceiling.min(level - 1);
-                continue;
+        if is_crossed {
+            if most.saturating_sub(run.steps) < LONGEST_PIECE {
+                *place = Place { position, level, is_crossed, is_inside };
+                return false;
             }
             cross_all(stepper, model, run, segment, position, observe);
+            is_crossed = false;
         }
         position += size::<T, S>(level);
         observe(share_of(stepper, position), &run.state);

@@ -111,6 +111,11 @@ impl<T: Real, S: Stepper<T>, O: Observer> Stepper<T> for Observed<S, O> {
     }
 
     #[inline(always)]
+    fn piece(&self, run: &Run<T>) -> u32 {
+        self.stepper.piece(run)
+    }
+
+    #[inline(always)]
     fn step(
         &self,
         model: &Model<T>,

@@ -173,13 +173,14 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
         allowance: &mut u32,
     ) -> bool {
         loop {
-            let given = self.most.saturating_sub(self.steps).min(*allowance);
+            let left = self.left();
+            let given = left.min(*allowance);
             let mut share = given;
             let has_ended = self.pass.advance(scene, stepper, &mut share);
             let taken = given.saturating_sub(share);
             *allowance = allowance.saturating_sub(taken);
             self.steps = self.steps.saturating_add(taken);
-            if !has_ended && self.may_go_on() {
+            if !has_ended && given < left {
                 return false;
             }
             match if has_ended { self.next(scene, seeds) } else { self.cut_short() } {
@@ -189,9 +190,9 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
         }
     }
 
-    /// Are there steps left?
-    const fn may_go_on(&self) -> bool {
-        self.most.saturating_sub(self.steps) >= LONGEST_PIECE
+    /// Steps that are left.
+    const fn left(&self) -> u32 {
+        self.most.saturating_sub(self.steps)
     }
 
     /// What to walk once no steps are left: none where the best place that is known is the last one.
@@ -303,7 +304,7 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
         }
         let says_nothing = here.path.reversals == 0;
         let is_done = here.is_explained() || settled || says_nothing || self.evaluations >= EVALUATIONS;
-        if is_done || !self.may_go_on() {
+        if is_done || self.left() < LONGEST_PIECE {
             return None;
         }
         self.first = Some((here.genes, chi_square));

@@ -222,10 +222,11 @@ impl<const FAULTS: usize> Config<FAULTS> {
     }
 
     /// Most steps of the model that the analysis of a window of a number of samples takes: nine tenths of what comes with them.
-    /// Each call may leave what is less than the longest piece.
+    /// A call may leave what is less than the longest piece, and saves that only where it is allowed less.
     pub(super) fn most_steps(&self, samples: usize) -> u32 {
         const LEFT: u32 = LONGEST_PIECE - 1;
-        let taken = self.steps_per_sample.saturating_sub(LEFT).max(self.steps_per_sample.min(LEFT));
+        let allowed = self.steps_per_sample;
+        let taken = if allowed > LEFT { allowed - LEFT } else { allowed };
         taken.saturating_mul(samples as u32) / 10 * 9
     }
 

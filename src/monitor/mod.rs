@@ -236,7 +236,8 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
 
     /// Takes the samples that wait in the queue, and works on by at most `budget` steps of the model.
     ///
-    /// Budgets below [`LONGEST_PIECE`] are saved up until the work moves on: such a call takes that many steps at most.
+    /// What a call leaves of a budget below [`LONGEST_PIECE`] is saved for the next one, which takes less than twice that. Of a
+    /// larger budget a call may leave less than that, and it is lost.
     pub fn poll(&mut self, outlet: &mut Outlet<'_>, budget: u32) -> Poll<FAULTS> {
         let waiting = outlet.len();
         let mut samples = 0;
@@ -279,8 +280,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     #[must_use = "a report is handed out once"]
     #[inline(never)]
     pub fn work(&mut self, budget: u32) -> (u32, Option<Report<FAULTS>>) {
-        let allowance =
-            if budget < LONGEST_PIECE { (self.saved + budget).min(LONGEST_PIECE) } else { budget };
+        let allowance = if budget < LONGEST_PIECE { self.saved + budget } else { budget };
         let mut left = allowance;
         // One report at a time.
         if self.is_analysing && self.outbox.get().is_none() {

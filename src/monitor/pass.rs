@@ -7,7 +7,7 @@ use super::config::Config;
 use super::slot::Slot;
 use super::sums::{CHANNELS, Sums};
 use super::window::{Packed, Scale, Window};
-use crate::integrate::{LONGEST_PIECE, Place, Run, Stepper, advance_some};
+use crate::integrate::{Place, Run, Stepper, advance_some};
 use crate::model::Model;
 use crate::model::state::{Input, InputSegment, Mode, State};
 use crate::parameter::Reach;
@@ -154,7 +154,7 @@ pub(super) struct Pass<const GENES: usize> {
     chunk: usize,
     /// Samples of the chunk that the motion whose turn it is has done.
     done: usize,
-    place: Option<Place>,
+    place: Place,
     sums: Sums<GENES>,
 }
 
@@ -304,7 +304,7 @@ impl<const GENES: usize> Pass<GENES> {
         turn: 0,
         chunk: 0,
         done: 0,
-        place: None,
+        place: Place::BEFORE,
         sums: Sums::NONE,
     };
 
@@ -439,15 +439,14 @@ impl<const GENES: usize> Pass<GENES> {
         else {
             return;
         };
-        let (Some(before), None) = (scene.command_before(first), self.place) else { return };
-        let steps = allowance.saturating_sub(LONGEST_PIECE - 1);
+        let (Some(before), false) = (scene.command_before(first), self.place.is_inside()) else { return };
         let most = scene.unbroken(first, before, end.saturating_sub(self.done) as u32);
         let (turn, settle, sight) = (self.turn, self.settle, &mut self.sight);
         let (mut place, mut sample) = (self.done, first);
         stepper.enter(model, run);
         let command = |done: u32| (done < most).then(|| scene.command(first + done as usize));
         let taken = run.steps;
-        stepper.glide(run, before, steps, command, |passing| {
+        stepper.glide(run, before, *allowance, command, |passing| {
             sight.each_user(turn, |user| user.pass(passing));
             sight.look(turn, place, passing.ram, passing.current, sample >= settle);
             place += 1;
@@ -540,7 +539,7 @@ impl<const GENES: usize> Pass<GENES> {
         self.sight.is_own = [false; GENES];
         self.sums = Sums::NONE;
         self.sight.path = Path::start(start.state.ground());
-        self.place = None;
+        self.place = Place::BEFORE;
         (self.turn, self.chunk, self.done) = (0, 0, 0);
         // The candidate last: its turn is the first.
         for turn in (0..=GENES).rev() {
