@@ -417,3 +417,28 @@ fn what_a_record_says_nothing_of_leaves_the_other_errors_as_they_are() {
     assert!(beside[4].is_infinite());
     assert!([1, 3, 5, 7].iter().all(|&shared| beside[shared] == 0.0), "{beside:?}");
 }
+
+#[test]
+fn steppers_of_another_rig_are_those_of_this_one_from_the_start_on() {
+    let (samples, trace) = plant("chirp", 2e-4, 800.0);
+    let records = [record(&samples, &trace, NOISE_FREE)];
+    let this = problem(&records);
+    let parameters = Parameters { load_mass: 40.0, torque_motor_gain: 8e-3, ..this.parameters };
+    let other = Problem { parameters, ..this };
+    let genes = [FREE[0].gene(2e-4), FREE[1].gene(800.0)];
+    let used = || {
+        let mut stepper = Stepper::new();
+        other.misfit(&genes, &mut stepper);
+        stepper
+    };
+    // What another rig leaves matters where nothing is said of it.
+    let off = this.misfit(&genes, &mut used()).chi_square;
+    assert!(off > 100.0 * this.misfit(&genes, &mut Stepper::new()).chi_square, "{off}");
+    let identified = |stepper: &dyn Fn() -> Stepper| {
+        let mut identification = Identification::<f64, 2, 20>::new(&this, Settings::default(), 1).expect("two");
+        identification.suggest(&this, &[0.5; 2], &mut stepper());
+        identification.run(&this, &mut [stepper(), stepper(), stepper()]);
+        identification.result().map(|found| (found.genes, found.normal.misfit.chi_square))
+    };
+    assert_eq!(identified(&used), identified(&Stepper::new));
+}

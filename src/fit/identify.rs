@@ -85,6 +85,8 @@ pub struct Identification<T, const GENES: usize, const SIZE: usize> {
     starts: [[T; GENES]; MORE_FINISHES],
     /// Finishes so far.
     finishes: usize,
+    /// Has it been begun? Before, the steppers may be those of another rig.
+    has_begun: bool,
 }
 
 impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<T, GENES, SIZE> {
@@ -108,11 +110,13 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
             given_up: [false; SIZE],
             starts: [[T::ZERO; GENES]; MORE_FINISHES],
             finishes: 0,
+            has_begun: false,
         })
     }
 
     /// Adds a place to the population that is worth a finish.
     pub fn suggest<S: Stepper<T>>(&mut self, problem: &Problem<'_, T>, genes: &[T; GENES], stepper: &mut S) {
+        problem.turn_to_this_rig(stepper);
         let misfit = problem.misfit(genes, stepper);
         self.evaluations += 1;
         self.count = Some(misfit.count);
@@ -123,6 +127,10 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
     pub fn advance<S: Stepper<T>>(&mut self, problem: &Problem<'_, T>, steppers: &mut [S]) -> Progress {
         if let Some(reason) = self.stop {
             return Progress::Done(reason);
+        }
+        if !self.has_begun {
+            steppers.iter_mut().for_each(|stepper| problem.turn_to_this_rig(stepper));
+            self.has_begun = true;
         }
         if self.search.counters().evaluations < self.next_finish && self.evaluations < self.settings.budget {
             let Some(stepper) = steppers.first_mut() else { return Progress::Done(StopReason::Budget) };
@@ -165,7 +173,8 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
         }
         self.search.insert(&found.genes, found.normal.misfit.mean_square());
         let generations = if are_first { 0 } else { self.settings.generations_between_finishes };
-        self.next_finish = self.search.counters().evaluations + self.search.population() as u32 * generations;
+        let children = (self.search.population() as u32).saturating_mul(generations);
+        self.next_finish = self.search.counters().evaluations.saturating_add(children);
         Progress::Finished
     }
 

@@ -340,7 +340,16 @@ impl<T: Real> Problem<'_, T> {
         self.free.iter().any(|free| Model::<T>::reach(self.form, free.parameter) == Reach::Dynamics)
     }
 
-    /// Misfit of a set of genes. One evaluation: every record is simulated once.
+    /// Makes a stepper that has stepped another rig, or may have, one of this rig's: what it keeps of the other would be
+    /// taken for this one's.
+    pub fn turn_to_this_rig<S: Stepper<T>>(&self, stepper: &mut S) {
+        if let Some(record) = self.records.first() {
+            stepper.begin(record.sample_period, record.has_force(), true);
+        }
+    }
+
+    /// Misfit of a set of genes. One evaluation: every record is simulated once. The stepper has to be new, or
+    /// [this rig's](Self::turn_to_this_rig).
     pub fn misfit<S: Stepper<T>>(&self, genes: &[T], stepper: &mut S) -> Misfit<T> {
         self.misfit_within(genes, stepper, T::ONE / T::ZERO)
     }

@@ -212,7 +212,8 @@ pub trait Stepper<T: Real> {
     fn takes(&self, model: &Model<T>) -> bool;
 
     /// Gets ready for a run: the sample period, s, whether a force input is ever not zero, and whether a parameter
-    /// that reaches the dynamics has changed since the last run.
+    /// that reaches the dynamics has changed since the last run. Of a stepper that is handed from one rig to another it
+    /// has: what it keeps would be taken for the other's.
     fn begin(&mut self, sample_period: T, has_force: bool, rig_changed: bool);
 
     /// Finest steps in one sample.
