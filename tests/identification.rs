@@ -435,7 +435,8 @@ fn steppers_of_another_rig_are_those_of_this_one_from_the_start_on() {
     let off = this.misfit(&genes, &mut used()).chi_square;
     assert!(off > 100.0 * this.misfit(&genes, &mut Stepper::new()).chi_square, "{off}");
     let identified = |stepper: &dyn Fn() -> Stepper| {
-        let mut identification = Identification::<f64, 2, 20>::new(&this, Settings::default(), 1).expect("two");
+        let mut identification =
+            Identification::<f64, 2, 20>::new(&this, Settings::default(), 1).expect("two");
         identification.suggest(&this, &[0.5; 2], &mut stepper());
         identification.run(&this, &mut [stepper(), stepper(), stepper()]);
         identification.result().map(|found| (found.genes, found.normal.misfit.chi_square))

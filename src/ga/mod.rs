@@ -104,7 +104,10 @@ impl<T: Real, const GENES: usize, const SIZE: usize> SteadyState<T, GENES, SIZE>
             random: Random::new(seed),
             child: [T::ZERO; GENES],
             mutation: T::literal_f32(settings.mutation_start),
-            mutation_factor: T::literal_f32(decay(ratio, settings.mutation_decay.saturating_mul(population as u32))),
+            mutation_factor: T::literal_f32(decay(
+                ratio,
+                settings.mutation_decay.saturating_mul(population as u32),
+            )),
             counters: Counters::default(),
         }
     }

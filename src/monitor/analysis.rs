@@ -168,7 +168,7 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
     pub(super) fn advance<S: Stepper<f32>, const SAMPLES: usize>(
         &mut self,
         scene: &Scene<'_, GENES, SAMPLES>,
-        seeds: Option<&[[f32; GENES]; POPULATION]>,
+        seeds: &[[f32; GENES]],
         stepper: &mut S,
         allowance: &mut u32,
     ) -> bool {
@@ -221,7 +221,7 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
     fn next<const SAMPLES: usize>(
         &mut self,
         scene: &Scene<'_, GENES, SAMPLES>,
-        seeds: Option<&[[f32; GENES]; POPULATION]>,
+        seeds: &[[f32; GENES]],
     ) -> Option<([f32; GENES], Aim)> {
         self.evaluations += self.pass.evaluations();
         match self.phase {
@@ -232,7 +232,7 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
             Phase::Descent => {
                 self.dearest = self.dearest.max(self.pass.steps());
                 // What follows leaves what it takes to come back.
-                self.most = scene.config.most_steps(SAMPLES).saturating_sub(self.dearest);
+                self.most = scene.config.most_steps(scene.time).saturating_sub(self.dearest);
                 let next = self.descend(scene).map(|genes| (genes, Aim::Slopes));
                 next.or_else(|| self.conclude(seeds))
             }
@@ -242,7 +242,7 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
                 if let Some(search) = self.search.get_mut() {
                     search.insert(&genes, cost);
                 }
-                match seeds.and_then(|seeds| seeds.get(index + 1)) {
+                match seeds.get(index + 1) {
                     Some(&genes) => {
                         self.phase = Phase::Score(index + 1);
                         Some((genes, Aim::Cost))
@@ -293,7 +293,7 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
     }
 
     /// What follows the bottom of a descent: the end, or a search for a better basin.
-    fn conclude(&mut self, seeds: Option<&[[f32; GENES]; POPULATION]>) -> Option<([f32; GENES], Aim)> {
+    fn conclude(&mut self, seeds: &[[f32; GENES]]) -> Option<([f32; GENES], Aim)> {
         let here = self.here.get()?;
         let chi_square = here.chi_square();
         let settled = self.first.is_some_and(|(_, first)| first - chi_square <= (1e-3 * first).max(1.0));
@@ -312,7 +312,7 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
             SteadyState::new(Settings { population: POPULATION, ..Settings::default() }, GENES, self.seed);
         search.insert(&here.genes, here.sums.misfit().mean_square());
         self.search = Slot::Full(search);
-        if let Some(&genes) = seeds.and_then(|seeds| seeds.first()) {
+        if let Some(&genes) = seeds.first() {
             self.phase = Phase::Score(0);
             Some((genes, Aim::Cost))
         } else {
@@ -344,13 +344,15 @@ impl<const GENES: usize, const POPULATION: usize> Analysis<GENES, POPULATION> {
         self.steps
     }
 
-    /// Puts the last population in `seeds`; false if there was none.
-    pub(super) fn leave_seeds(&self, seeds: &mut [[f32; GENES]; POPULATION]) -> bool {
-        let Some(search) = self.search.get() else { return false };
-        for (seed, (genes, _)) in seeds.iter_mut().zip(search.members()) {
+    /// Puts the last population in `seeds`: how many there are, which is fewer where the search was cut short. None if there
+    /// was no search.
+    pub(super) fn leave_seeds(&self, seeds: &mut [[f32; GENES]; POPULATION]) -> Option<u32> {
+        let mut count = 0;
+        for (seed, (genes, _)) in seeds.iter_mut().zip(self.search.get()?.members()) {
             *seed = *genes;
+            count += 1;
         }
-        true
+        Some(count)
     }
 }
 

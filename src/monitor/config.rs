@@ -94,6 +94,8 @@ pub enum ConfigError {
     Range(Parameter),
     /// The parameter of a fault reaches the transition matrices, which would have to be made anew for each candidate.
     Reach(Parameter),
+    /// The parameter of a fault is the offset of a sensor, which is taken out before the fit: no window would tell of it.
+    Offset(Parameter),
     /// No step of the model is allowed for a sample: nothing would ever be said.
     Steps,
     /// The model needs an input that a stream does not have: a driving force, or the time of a step load, which is no fault
@@ -132,6 +134,10 @@ impl fmt::Display for ConfigError {
                     f,
                     "`{name}` cannot be watched: every value of it needs transition matrices of its own"
                 )
+            }
+            Self::Offset(parameter) => {
+                let name = parameter.info().name;
+                write!(f, "`{name}` cannot be watched: the offsets of sensors are taken out of each window")
             }
             Self::Input => {
                 f.write_str("the model is driven by a force, or has a step load: a stream has neither")
@@ -204,6 +210,9 @@ impl<const FAULTS: usize> Config<FAULTS> {
             }
             if Model::<f32>::reach(self.form, free.parameter) == Reach::Dynamics {
                 return Err(ConfigError::Reach(free.parameter));
+            }
+            if matches!(free.parameter, Parameter::SensorOffset | Parameter::CurrentOffset) {
+                return Err(ConfigError::Offset(free.parameter));
             }
             if self.faults.iter().filter(|other| other.free.parameter == free.parameter).count() > 1 {
                 return Err(ConfigError::Twice(free.parameter));

@@ -124,10 +124,13 @@ pub struct Monitor<S, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     genes: [f32; FAULTS],
     /// Members of the last population.
     seeds: [[f32; FAULTS]; POPULATION],
-    has_seeds: bool,
+    /// How many of them there are.
+    seeded: u32,
     evidence: [Evidence; FAULTS],
     /// Samples since the window that is analysed was full.
     latency: u32,
+    /// Those of them before the last restart: an analysis that is begun anew then has so much less time.
+    late: u32,
     skipped: u32,
     samples: u32,
     exclusions: Exclusions,
@@ -162,9 +165,10 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
             unexplained: 0,
             genes: [0.0; FAULTS],
             seeds: [[0.0; FAULTS]; POPULATION],
-            has_seeds: false,
+            seeded: 0,
             evidence: [Evidence::NONE; FAULTS],
             latency: 0,
+            late: 0,
             skipped: 0,
             samples: 0,
             exclusions: Exclusions::NONE,
@@ -202,7 +206,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         }
         self.second_fills = false;
         self.screen = Screen::NEW;
-        (self.number, self.analysed, self.latency, self.saved) = (0, 0, 0, 0);
+        (self.number, self.analysed, self.latency, self.late, self.saved) = (0, 0, 0, 0, 0);
         (self.skipped, self.samples, self.exclusions) = (0, 0, Exclusions::NONE);
         self.is_analysing = false;
         self.has_analysis = false;
@@ -214,7 +218,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
             config.faults.get(gene).map_or(0.0, |fault| fault.free.gene(fault.healthy))
         });
         self.seeds = [[0.0; FAULTS]; POPULATION];
-        self.has_seeds = false;
+        self.seeded = 0;
         self.evidence = [Evidence::NONE; FAULTS];
         self.outbox = Slot::Empty;
     }
@@ -262,6 +266,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         }
         let scale = config.scale();
         let limits = Limits {
+            sample_period: config.sample_period,
             command: config.reach(),
             position: scale.reach(),
             current: scale.largest_current(),
@@ -332,16 +337,18 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         let follows = self.filling().follows;
         let command = self.filling().get(0).command(scale);
         let later = ((SPEED_TIME / config.sample_period + 0.5) as usize).max(1);
-        let position = self.filling().user_from(0, scale).unwrap_or(command);
-        let moved = self.filling().user_from(later, scale).unwrap_or(position) - position;
-        let rests = (position - command).abs() <= REST_SIGMA * config.believed_noise()[0];
-        let velocity = if rests { 0.0 } else { moved / (later as f32 * config.sample_period) };
+        let (first, seen) = self.filling().user_from(0, scale).unwrap_or((0, command));
+        let (second, later) = self.filling().user_from(first + later, scale).unwrap_or((first, seen));
+        let rests = first == 0 && (seen - command).abs() <= REST_SIGMA * config.believed_noise()[0];
+        let elapsed = (second - first) as f32 * config.sample_period;
+        let velocity = if rests || second == first { 0.0 } else { (later - seen) / elapsed };
+        let position = seen - velocity * first as f32 * config.sample_period;
         let carried = self.carried.take().filter(|carried| follows && carried.is_finite());
         let anew = || Start::moving(&config.model(&self.genes), position, velocity);
         self.start = Slot::Full(carried.unwrap_or_else(anew));
         self.carried = Slot::Empty;
         self.analysed = number;
-        self.latency = 0;
+        (self.latency, self.late) = (0, 0);
         self.second_fills = !self.second_fills;
         self.filling().clear(true);
         self.is_analysing = true;
@@ -356,7 +363,8 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         let [first, second] = &self.windows;
         let window = if self.second_fills { first } else { second };
         let settle = settle_samples::<FAULTS, SAMPLES>(config);
-        let scene = Scene { config, scale, window, start, settle };
+        let time = SAMPLES.saturating_sub(self.late as usize);
+        let scene = Scene { config, scale, window, start, settle, time };
         if !self.has_analysis {
             let seed = config.seed ^ u64::from(self.analysed);
             self.stepper.begin(config.sample_period, false, !self.has_begun);
@@ -364,7 +372,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
             self.analysis.begin(&scene, &self.genes, seed);
             self.has_analysis = true;
         }
-        let seeds = self.has_seeds.then_some(&self.seeds);
+        let seeds = self.seeds.get(..self.seeded as usize).unwrap_or(&[]);
         if !self.analysis.advance(&scene, seeds, &mut self.stepper, allowance) {
             return;
         }
@@ -377,7 +385,9 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         self.is_analysing = false;
         let analysis = &self.analysis;
         let (found, evaluations, steps) = (analysis.found().copied(), analysis.evaluations, analysis.steps());
-        self.has_seeds |= analysis.leave_seeds(&mut self.seeds);
+        if let Some(count) = analysis.leave_seeds(&mut self.seeds) {
+            self.seeded = count;
+        }
         if let Some(found) = found {
             let report = self.conclude(&found);
             self.send(Report { evaluations, steps, ..report });
@@ -494,6 +504,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
     /// After a restore: what is not kept is made again.
     fn resume(&mut self) {
         self.has_analysis = false;
+        self.late = self.latency;
         self.has_begun = false;
         self.screen.restarted = true;
         // A start that no actuator can have is none, and without one there is nothing to analyse.

@@ -19,7 +19,7 @@ const CHUNK: usize = 40;
 /// Width of the forward difference, in genes.
 const DIFFERENCE: f32 = 2e-3;
 /// Time that a valve takes to open or to close, s: where the spool is not known, the ram is as far off as it moves in that.
-const VALVE_TIME: f32 = 0.01;
+pub(super) const VALVE_TIME: f32 = 0.01;
 /// Part of the noise by which motions from two starts may differ, and their starts count as forgotten.
 pub(super) const ALIKE: f32 = 0.2;
 
@@ -214,6 +214,8 @@ pub(super) struct Scene<'a, const GENES: usize, const SAMPLES: usize> {
     pub(super) start: &'a Start,
     /// Least number of samples that are not compared, while the start is forgotten.
     pub(super) settle: usize,
+    /// Samples that the analysis has time for.
+    pub(super) time: usize,
 }
 
 impl<const GENES: usize, const SAMPLES: usize> Scene<'_, GENES, SAMPLES> {

@@ -3,17 +3,18 @@
 //! A sample waits for its successor, so that a spike can be told from a jump. A few lost samples are bridged: the
 //! command by a parabola or a line, the measured values left out. Over more the stream is broken and a window starts anew.
 
+use super::pass::VALVE_TIME;
 use super::sample::Sample;
 use super::slot::Slot;
 
-/// Lost samples in a row that are bridged.
-const LONGEST_BRIDGE: u32 = 20;
+/// Longest time without samples that is bridged, s.
+const LONGEST_BRIDGE: f32 = 0.02;
 /// Samples in a row with ticks out of order after which the source is taken to count anew.
 const NEW_COUNT: u32 = 8;
 /// Departure from both neighbours, in standard deviations of the noise, that makes a spike.
 const SPIKE: f32 = 10.0;
-/// Samples of the very same value after which a sensor is stuck, counted where the command has moved.
-const STUCK: u32 = 100;
+/// Time of the very same value after which a sensor is stuck, s, counted where the command has moved.
+const STUCK: f32 = 0.1;
 /// How far the command must have moved meanwhile, m: ten steps of an LVDT of 12 bits. A position behind a backlash stands
 /// still for as much more.
 const STUCK_COMMAND: f32 = 1e-3;
@@ -101,9 +102,16 @@ pub(super) trait Sink {
     fn exclude(&mut self, count: u32, reason: Reason);
 }
 
+/// Samples in a time, s.
+fn samples(time: f32, sample_period: f32) -> u32 {
+    (time / sample_period + 0.5) as u32
+}
+
 /// What a screen needs to know.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Limits {
+    /// s.
+    pub(super) sample_period: f32,
     /// Largest command, m.
     pub(super) command: f32,
     /// Largest reading of a position, m.
@@ -135,15 +143,15 @@ impl Still {
     const NEW: Self = Self { value: 0.0, count: 0, lowest: 0.0, highest: 0.0, away: 0 };
 
     /// Looks at the next value. The command must have moved by more than `least`, m. `turns`: and must have turned back by
-    /// as much, since this sensor stands still where the command moves evenly. `rests`: it is right to stand still. Returns
-    /// how many samples turn out to be stuck: all that led to it, then one by one.
-    fn look(&mut self, value: f32, command: f32, least: f32, turns: bool, rests: bool) -> u32 {
+    /// as much, since this sensor stands still where the command moves evenly. `rests`: it is right to stand still. `most`:
+    /// so often it may say the same. Returns how many samples turn out to be stuck: all that led to it, then one by one.
+    fn look(&mut self, value: f32, command: f32, least: f32, [turns, rests]: [bool; 2], most: u32) -> u32 {
         if rests || value.to_bits() != self.value.to_bits() || self.count == 0 {
             *self = Self { value, count: 1, lowest: command, highest: command, away: 0 };
             return 0;
         }
         self.count = self.count.saturating_add(1);
-        if self.away >= STUCK {
+        if self.away >= most {
             return 1;
         }
         self.lowest = self.lowest.min(command);
@@ -151,7 +159,7 @@ impl Still {
         let turned = self.highest - command > least && command - self.lowest > least;
         let moved = self.highest - self.lowest > least;
         self.away += u32::from(if turns { turned } else { moved });
-        if self.away >= STUCK { self.count } else { 0 }
+        if self.away >= most { self.count } else { 0 }
     }
 }
 
@@ -162,6 +170,8 @@ pub(super) struct Screen {
     pub(super) newest: Slot<Screened>,
     /// User position and current of the one before it.
     pub(super) before: [Option<f32>; 2],
+    /// By how much both had moved to there, m and mA: 0 where that is not known.
+    pub(super) moved: [f32; 2],
     /// Commands of the two samples before the newest, the later one first, and how many of them there are.
     pub(super) commands: [f32; 2],
     pub(super) known: u32,
@@ -180,6 +190,7 @@ impl Screen {
     pub(super) const NEW: Self = Self {
         newest: Slot::Empty,
         before: [None; 2],
+        moved: [0.0; 2],
         commands: [0.0; 2],
         known: 0,
         disorder: 0,
@@ -188,7 +199,7 @@ impl Screen {
         restarted: false,
     };
 
-    /// Looks at a sample. Bounded: at most [`LONGEST_BRIDGE`] samples go to the sink besides it.
+    /// Looks at a sample. Bounded: at most the samples of [`LONGEST_BRIDGE`] go to the sink besides it.
     pub(super) fn look(&mut self, sample: &Sample, limits: &Limits, sink: &mut impl Sink) {
         let (mut interrupted, mut is_counted) = (false, false);
         let mut gap = 0;
@@ -206,7 +217,7 @@ impl Screen {
                 gap = step - 1;
                 // While it was off, nobody knows what the command did.
                 let is_missed = self.restarted && gap > self.unusable;
-                interrupted = gap > LONGEST_BRIDGE || is_missed;
+                interrupted = gap > samples(LONGEST_BRIDGE, limits.sample_period) || is_missed;
             }
         }
         let is_in_range = sample.command.abs() <= limits.command;
@@ -249,8 +260,9 @@ impl Screen {
             } else {
                 let is_current = channel == 1;
                 let rests = is_current && value.abs() >= limits.saturation - limits.noise[channel];
-                let stuck =
-                    self.still[channel].look(value, sample.command, least[channel], is_current, rests);
+                let most = samples(STUCK, limits.sample_period);
+                let still = &mut self.still[channel];
+                let stuck = still.look(value, sample.command, least[channel], [is_current, rests], most);
                 if stuck > 0 {
                     values[channel] = None;
                     back[channel] = stuck - 1;
@@ -277,9 +289,12 @@ impl Screen {
         if gap == 0 {
             let neighbours = [(self.before[0], next.user), (self.before[1], next.current)];
             let values = [&mut newest.user, &mut newest.current];
-            for ((value, (before, after)), noise) in values.into_iter().zip(neighbours).zip(limits.noise) {
+            // What moves turns back in no less than the time of a valve: of its last step, a part of that.
+            let turn = (limits.sample_period / VALVE_TIME).min(1.0);
+            let least = [0, 1].map(|channel| SPIKE * limits.noise[channel] + turn * self.moved[channel]);
+            for ((value, (before, after)), least) in values.into_iter().zip(neighbours).zip(least) {
                 if let (Some(here), Some(before), Some(after)) = (*value, before, after)
-                    && is_spike(here, before, after, noise)
+                    && is_spike(here, before, after, least)
                 {
                     *value = None;
                     sink.exclude(1, |counts| &mut counts.spikes);
@@ -287,7 +302,12 @@ impl Screen {
             }
         }
         sink.accept(&newest);
-        self.before = [newest.user, newest.current];
+        let now = [newest.user, newest.current];
+        self.moved = [0, 1].map(|channel| match (now[channel], self.before[channel]) {
+            (Some(now), Some(before)) => (now - before).abs(),
+            _ => 0.0,
+        });
+        self.before = now;
         let bridge = Bridge::over(
             newest.command,
             self.commands,
@@ -343,10 +363,10 @@ impl Bridge {
     }
 }
 
-/// Does a value lie far outside two neighbours, and farther than they lie apart?
-fn is_spike(here: f32, before: f32, after: f32, noise: f32) -> bool {
+/// Does a value lie outside two neighbours by more than the least, and farther than they lie apart?
+fn is_spike(here: f32, before: f32, after: f32, least: f32) -> bool {
     let nearest = (here - before).abs().min((here - after).abs());
-    (here > before) == (here > after) && nearest > SPIKE * noise && (before - after).abs() < nearest
+    (here > before) == (here > after) && nearest > least && (before - after).abs() < nearest
 }
 
 #[cfg(test)]
@@ -368,7 +388,7 @@ mod tests {
         for held in [false, true] {
             assert!((100..350).all(|first| error(sine, first, 20, held) < 1.6e-5));
         }
-        for lost in 1..=LONGEST_BRIDGE {
+        for lost in 1..=20 {
             for jump in [1e-3, -1e-2] {
                 for place in 0..4 {
                     // It rests, or goes evenly, at most three samples behind a jump.

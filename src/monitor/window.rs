@@ -1,6 +1,6 @@
 //! A window of samples, eight bytes each.
 //!
-//! Position and command take 24 bits, the current 16: with the ranges of the actuator that is 0.03 um and 0.5 uA for
+//! Position and command take 24 bits, the current 16: with the ranges of the actuator that is 0.03 um and 0.4 uA for
 //! the source's, far below the noise. Whatever a sensor says, what comes out of a window is a number in range.
 
 use super::screen::{Exclusions, Screened};
@@ -160,10 +160,11 @@ impl<const SAMPLES: usize> Window<SAMPLES> {
         self.samples.get(sample).copied().unwrap_or(Packed::NONE)
     }
 
-    /// The first user position from a sample on, m.
+    /// The first sample from one on that has a user position, and that, m.
     #[inline(never)]
-    pub(super) fn user_from(&self, sample: usize, scale: Scale) -> Option<f32> {
-        self.samples.iter().skip(sample).find_map(|packed| packed.user(scale))
+    pub(super) fn user_from(&self, sample: usize, scale: Scale) -> Option<(usize, f32)> {
+        let later = self.samples.iter().enumerate().skip(sample);
+        later.into_iter().find_map(|(at, packed)| Some((at, packed.user(scale)?)))
     }
 
     /// Samples from one on that have a user position, and that have a current.

@@ -113,7 +113,9 @@ fn the_range_of_a_fault_is_one_in_which_its_parameter_makes_sense() {
         for beyond in [f32::NEG_INFINITY, f32::NAN, lower - (lower.abs() * 1e-4).max(1e-9)] {
             assert_eq!(refused(parameter, [beyond, upper]), range, "{parameter:?} {beyond}");
         }
-        if parameter == Parameter::SensorLag {
+        if matches!(parameter, Parameter::SensorOffset | Parameter::CurrentOffset) {
+            assert_eq!(refused(parameter, [lower, upper]), Some(ConfigError::Offset(parameter)));
+        } else if parameter == Parameter::SensorLag {
             assert_eq!(refused(parameter, [lower, upper]), Some(ConfigError::SensorMemory));
         } else if parameter != Parameter::SensorDelay {
             assert_eq!(refused(parameter, [lower, upper]), None, "{parameter:?}");

@@ -105,6 +105,8 @@ impl Flown {
 /// An actuator that flies.
 pub(crate) struct Flight<C> {
     command: C,
+    /// Sample period, s.
+    period: f32,
     /// Does the command keep the value of a sample until the next one?
     pub(crate) holds: bool,
     parameters: Parameters<f32>,
@@ -121,14 +123,28 @@ impl<C: Fn(u32) -> f32> Flight<C> {
 
     /// An actuator with parameters of its own.
     pub(crate) fn of(parameters: &Parameters<f32>, command: C, seed: u64) -> Self {
+        Self::sampled(PERIOD, parameters, command, seed)
+    }
+
+    /// An actuator with parameters and a sample period, s, of its own.
+    pub(crate) fn sampled(period: f32, parameters: &Parameters<f32>, command: C, seed: u64) -> Self {
         let parameters = Parameters { bkl: HEALTHY[0], fdj: HEALTHY[1], ..*parameters };
-        let actuator = Actuator::new(Model::new(Form::default(), &parameters), PERIOD);
+        let actuator = Actuator::new(Model::new(Form::default(), &parameters), period);
         let first = command(0);
         let input = Input { command: first, command_rate: 0.0, force: 0.0 };
         let mut stepper = Steps::new();
-        stepper.begin(PERIOD, false, true);
+        stepper.begin(period, false, true);
         let motion = actuator.at_rest(first, &input);
-        Self { command, holds: false, parameters, stepper, motion, random: Random::new(seed), sample: 0 }
+        Self {
+            command,
+            period,
+            holds: false,
+            parameters,
+            stepper,
+            motion,
+            random: Random::new(seed),
+            sample: 0,
+        }
     }
 
     /// The next sample, with a backlash and a friction.
@@ -145,21 +161,21 @@ impl<C: Fn(u32) -> f32> Flight<C> {
     pub(crate) fn quiet(&mut self, [bkl, fdj]: [f32; 2]) -> Sample {
         let changed = bkl != self.parameters.bkl || fdj != self.parameters.fdj;
         self.parameters = Parameters { bkl, fdj, ..self.parameters };
-        let actuator = Actuator::new(Model::new(Form::default(), &self.parameters), PERIOD);
+        let actuator = Actuator::new(Model::new(Form::default(), &self.parameters), self.period);
         if changed {
-            self.stepper.begin(PERIOD, false, false);
+            self.stepper.begin(self.period, false, false);
         }
         let command = (self.command)(self.sample);
         let mut input = Input { command, command_rate: 0.0, force: 0.0 };
         if self.sample > 0 {
             let before = (self.command)(self.sample - 1);
             let arriving = if self.holds { before } else { command };
-            let segment = InputSegment::between([before, arriving], [0.0; 2], 0.0, 1.0 / PERIOD);
+            let segment = InputSegment::between([before, arriving], [0.0; 2], 0.0, 1.0 / self.period);
             actuator.advance(&mut self.stepper, &mut self.motion, &segment);
             input.command_rate = segment.start.command_rate;
             if arriving != command {
                 let from = Input { command: arriving, ..input };
-                actuator.jump(&mut self.stepper, &mut self.motion, &from, &input, PERIOD);
+                actuator.jump(&mut self.stepper, &mut self.motion, &from, &input, self.period);
             }
         }
         let outputs = actuator.measure(&mut self.motion, &input);

@@ -5,6 +5,7 @@ mod configuration;
 mod detection;
 mod flight;
 mod pacing;
+mod periods;
 mod restart;
 mod sensors;
 mod starts;

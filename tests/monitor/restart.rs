@@ -5,6 +5,7 @@ use eha_monitor::monitor::SnapshotError;
 use eha_monitor::monitor::config::Config;
 use eha_monitor::monitor::report::{Report, Verdict};
 use eha_monitor::monitor::sample::Sample;
+use eha_monitor::parameter::Parameters;
 use eha_monitor::random::Random;
 
 fn snapshot(monitor: &mut TestMonitor) -> Vec<u8> {
@@ -46,6 +47,33 @@ fn a_restored_monitor_goes_on_with_the_same_bits() {
     let whole = reports(&[]);
     assert_eq!(whole.len(), 5);
     assert_eq!(reports(&[1, 999, 1003, 1010, 2500, 4025]), whole);
+}
+
+#[test]
+fn a_search_that_is_begun_anew_after_a_restart_ends_in_time() {
+    // Nothing explains it, so that every search takes all that it may.
+    let parameters = Parameters { torque_motor_gain: 7e-3, ..Parameters::default() };
+    let config = Config { parameters, ..config() };
+    let configured = || {
+        let mut monitor = monitor();
+        monitor.configure(&config).expect("a configuration that is right");
+        monitor
+    };
+    for restart in [2030, 2200, 2400, 2600, 2800] {
+        let flown = Flown::lively(31);
+        let mut flight = Flight::new(|sample| flown.at(sample), 31);
+        let mut monitor = configured();
+        let mut windows = Vec::new();
+        for number in 0..5 * WINDOW as u32 {
+            if number == restart {
+                let bytes = snapshot(&mut monitor);
+                monitor = configured();
+                monitor.restore(&bytes).expect("its own snapshot");
+            }
+            windows.extend(feed(&mut monitor, &flight.next(HEALTHY)).map(|report| report.window));
+        }
+        assert_eq!((windows, monitor.counters().skipped), (vec![0, 1, 2, 3], 0), "{restart}");
+    }
 }
 
 /// A monitor that has seen the first samples of a flight with some faults.

@@ -40,7 +40,7 @@ fn config() -> Config<FAULTS> {
         faults: [
             Fault::new(Parameter::Backlash, [0.0, 1.5e-3], 1e-4, 2e-4),
             Fault::new(Parameter::DryFriction, [200.0, 4000.0], 400.0, 600.0),
-            Fault::new(Parameter::CurrentOffset, [-1.0, 1.0], 0.1, 0.3),
+            Fault::new(Parameter::SpoolFriction, [0.0, 50.0], 10.0, 20.0),
         ],
         false_alarm_rate: Config::<FAULTS>::FALSE_ALARM_RATE,
         seed: 1,
