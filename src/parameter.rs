@@ -6,6 +6,7 @@
 //! printed tables all derive from it.
 
 use crate::scalar::Real;
+use serde::{Deserialize, Serialize};
 
 /// Where a parameter acts, which decides what must be made anew when its value changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -52,7 +53,8 @@ macro_rules! parameters {
         }
 
         /// Names one field of [`Parameters`].
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+        #[serde(into = "u8", try_from = "u8")]
         #[repr(u8)]
         #[non_exhaustive]
         pub enum Parameter {
@@ -183,6 +185,21 @@ parameters! {
     sensor_lag SensorLag "" "s" 0.0 [0.0, 0.1] Output "first-order lag of the LVDT";
     sensor_delay SensorDelay "" "s" 0.0 [0.0, 0.1] Output "transport delay of the LVDT";
     sensor_cubic SensorCubic "" "1/m^2" 0.0 [-1e4, 1e4] Output "cubic non-linearity of the LVDT: position times 1 + c x^2";
+}
+
+/// The place in the table.
+impl From<Parameter> for u8 {
+    fn from(parameter: Parameter) -> Self {
+        parameter as Self
+    }
+}
+
+impl TryFrom<u8> for Parameter {
+    type Error = &'static str;
+
+    fn try_from(place: u8) -> Result<Self, Self::Error> {
+        Self::at(place.into()).ok_or("no place in the table of parameters")
+    }
 }
 
 impl Parameter {

@@ -3,8 +3,9 @@
 
 use eha_monitor::integrate::Stepper;
 use eha_monitor::link::frame::{Decoder, LONGEST, encode};
-use eha_monitor::link::message::{FromMonitor, ReportMessage, Setup, ToMonitor, VERSION};
+use eha_monitor::link::message::{FromMonitor, Refusal, ReportMessage, Setup, ToMonitor, VERSION};
 use eha_monitor::link::station::{POPULATION, PlainSteps, Station, WINDOW, any_steps};
+use eha_monitor::monitor::config::ConfigError;
 use eha_monitor::monitor::report::Verdict;
 use eha_monitor::parameter::Parameters;
 use host_sim::emulator::Machine;
@@ -145,30 +146,28 @@ fn a_rig_whose_laws_are_not_affine_is_sent_the_same_way() {
 
 #[test]
 fn a_station_says_whether_it_takes_the_rig() {
-    fn is_ready(steps: impl Stepper<f32>, session: &Session, version: u32) -> bool {
+    fn answer(steps: impl Stepper<f32>, session: &Session, version: u32) -> FromMonitor {
         let setup = Setup { version, ..Setup::of(&session.config).expect("a message") };
         let mut frame = [0; LONGEST];
         let bytes = encode(&ToMonitor::Setup(setup), &mut frame).expect("a frame");
         let mut station = Box::new(Station::<_, WINDOW, POPULATION>::new(steps));
-        let (mut decoder, mut ready) = (Decoder::new(), None);
+        let (mut decoder, mut said) = (Decoder::new(), None);
         for &byte in bytes {
             station.receive(byte, &mut |answer| {
-                for &byte in answer {
-                    if let Some(FromMonitor::Ready(is_ready)) = decoder.take(byte) {
-                        ready = Some(is_ready);
-                    }
-                }
+                said = answer.iter().fold(said, |said, &byte| decoder.take(byte).or(said));
             });
         }
-        ready.expect("an answer")
+        said.expect("an answer")
     }
     let [plain, metering] = Image::ALL.map(|image| expect(Session::reference(image)));
-    assert!(is_ready(PlainSteps::<4>::new(), &plain, VERSION));
-    assert!(!is_ready(PlainSteps::<4>::new(), &metering, VERSION));
-    assert!(is_ready(any_steps::<4>(), &plain, VERSION));
-    assert!(is_ready(any_steps::<4>(), &metering, VERSION));
+    let refused = FromMonitor::Refused;
+    assert_eq!(answer(PlainSteps::<4>::new(), &plain, VERSION), FromMonitor::Ready);
+    let no_steps = refused(Refusal::Config(ConfigError::Model));
+    assert_eq!(answer(PlainSteps::<4>::new(), &metering, VERSION), no_steps);
+    assert_eq!(answer(any_steps::<4>(), &plain, VERSION), FromMonitor::Ready);
+    assert_eq!(answer(any_steps::<4>(), &metering, VERSION), FromMonitor::Ready);
     // Another table of parameters is another version.
-    assert!(!is_ready(any_steps::<4>(), &plain, VERSION ^ 1));
+    assert_eq!(answer(any_steps::<4>(), &plain, VERSION ^ 1), refused(Refusal::Version(VERSION)));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! What goes over the line. The lists have fixed capacities: nothing is allocated on either side.
 
 use crate::model::{Drive, Feedback, Form, ValveForm};
-use crate::monitor::config::{Config, Fault};
+use crate::monitor::config::{Config, ConfigError, Fault};
 use crate::monitor::report::Report;
 use crate::parameter::{PARAMETERS, Parameter, ParameterInfo, Parameters};
 use crate::trial::SensorNoise;
@@ -10,7 +10,7 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Version of the messages themselves.
-const FORMAT: u32 = 3;
+const FORMAT: u32 = 4;
 /// What both sides of a line must share: the messages, and the names in the table of parameters, since these are told by
 /// their places in it.
 pub const VERSION: u32 = version(PARAMETERS);
@@ -117,11 +117,18 @@ impl Setup {
         })
     }
 
-    /// The configuration that the message stands for. None where it is of another version or names what is not known.
-    pub fn config(&self) -> Option<Config<FAULTS>> {
+    /// The configuration that the message stands for.
+    ///
+    /// # Errors
+    /// It is of another version, or names what is not known.
+    pub fn config(&self) -> Result<Config<FAULTS>, Refusal> {
         if self.version != VERSION {
-            return None;
+            return Err(Refusal::Version(VERSION));
         }
+        self.known().ok_or(Refusal::Unknown)
+    }
+
+    fn known(&self) -> Option<Config<FAULTS>> {
         let [valve, feedback, drive] = self.form.map(usize::from);
         let form = Form {
             valve: *VALVES.get(valve)?,
@@ -156,8 +163,8 @@ impl Setup {
 #[allow(clippy::large_enum_variant, reason = "nothing is allocated, and one message lives at a time")]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum ToMonitor {
-    /// What the actuator is. The monitor starts anew and answers with [`FromMonitor::Ready`]; one that refuses it goes on as
-    /// it was.
+    /// What the actuator is. The monitor starts anew and answers with [`FromMonitor::Ready`]; one that
+    /// [refuses](FromMonitor::Refused) it goes on as it was.
     Setup(Setup),
     /// Samples: the tick of the first, and command, m, user position, m, and current, mA, of each.
     Samples(u32, Vec<[f32; 3], SAMPLES>),
@@ -210,11 +217,24 @@ impl ReportMessage {
     }
 }
 
+/// Why a monitor does not take a setup.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Refusal {
+    /// It is of another version than the monitor's, which is this.
+    Version(u32),
+    /// It names a form or a parameter that the monitor does not know.
+    Unknown,
+    /// The monitor cannot work with the configuration.
+    Config(ConfigError),
+}
+
 /// From the monitor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum FromMonitor {
-    /// The monitor is configured (true), or cannot work with the configuration.
-    Ready(bool),
+    /// The monitor is configured.
+    Ready,
+    /// It does not take the configuration, and goes on as it was.
+    Refused(Refusal),
     /// A window.
     Report(ReportMessage),
     /// What has happened so far.
@@ -225,6 +245,8 @@ pub enum FromMonitor {
         monitor: [u32; 3],
         /// What was excluded, in the order of the fields of [`Exclusions`](crate::monitor::screen::Exclusions).
         exclusions: [u32; 7],
+        /// Is each fault alarmed?
+        alarms: [bool; FAULTS],
     },
 }
 

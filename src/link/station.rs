@@ -1,7 +1,7 @@
 //! A monitor that lives behind a line.
 
 use super::frame::{Decoder, LONGEST, Received, encode};
-use super::message::{self, FAULTS, FromMonitor, ReportMessage, Setup, ToMonitor};
+use super::message::{self, FAULTS, FromMonitor, Refusal, ReportMessage, Setup, ToMonitor};
 use crate::integrate::Stepper;
 use crate::integrate::collocation::Collocation;
 use crate::integrate::exact::Exact;
@@ -80,8 +80,8 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const POPULATION: usize> Station<S, 
         let Some(message) = self.decoder.message() else { return Next::Message };
         match message {
             ToMonitor::Setup(setup) => {
-                let is_ready = self.set_up(&setup);
-                reply(&FromMonitor::Ready(is_ready), send);
+                let refusal = self.set_up(&setup).err();
+                reply(&refusal.map_or(FromMonitor::Ready, FromMonitor::Refused), send);
             }
             ToMonitor::Samples(first, samples) => return Next::Samples(first, samples),
             ToMonitor::Status => reply(&self.status(), send),
@@ -90,10 +90,10 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const POPULATION: usize> Station<S, 
         Next::Message
     }
 
-    /// Configures the monitor; true if it can work with that. Not inlined: its stack is not needed later.
+    /// Configures the monitor. Not inlined: its stack is not needed later.
     #[inline(never)]
-    fn set_up(&mut self, setup: &Setup) -> bool {
-        setup.config().is_some_and(|config| self.monitor.configure(&config).is_ok())
+    fn set_up(&mut self, setup: &Setup) -> Result<(), Refusal> {
+        self.monitor.configure(&setup.config()?).map_err(Refusal::Config)
     }
 
     /// What has come and what came of it.
@@ -105,12 +105,18 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const POPULATION: usize> Station<S, 
             received: [bytes, frames, damaged],
             monitor: [counters.samples, counters.windows, counters.skipped],
             exclusions: counters.exclusions.fields().map(|&count| count),
+            alarms: self.monitor.alarms(),
         }
     }
 
     /// The monitor.
     pub const fn monitor(&self) -> &Monitor<S, SAMPLES, FAULTS, POPULATION> {
         &self.monitor
+    }
+
+    /// The monitor, to save its state or to restore it.
+    pub const fn monitor_mut(&mut self) -> &mut Monitor<S, SAMPLES, FAULTS, POPULATION> {
+        &mut self.monitor
     }
 }
 

@@ -11,6 +11,7 @@ use crate::parameter::{Parameter, Parameters, Reach};
 use crate::trial::SensorNoise;
 use core::error::Error;
 use core::fmt;
+use serde::{Deserialize, Serialize};
 
 /// Noise of a position sensor below which the model's own error would count, m.
 const LEAST_USER_NOISE: f32 = 1e-7;
@@ -80,7 +81,7 @@ pub struct Config<const FAULTS: usize> {
 }
 
 /// Why a configuration is refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum ConfigError {
     /// The sample period is not between 0.1 and 10 ms.

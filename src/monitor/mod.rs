@@ -238,6 +238,11 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         }
     }
 
+    /// Is each fault alarmed, by what has been reported so far?
+    pub fn alarms(&self) -> [bool; FAULTS] {
+        self.evidence.map(|evidence| evidence.alarmed)
+    }
+
     /// Takes the samples that wait in the queue, and works on by at most `budget` steps of the model.
     ///
     /// What a call leaves of a budget below [`LONGEST_PIECE`] is saved for the next one, which takes less than twice that. Of a

@@ -7,7 +7,8 @@ use super::screen::Exclusions;
 #[repr(u8)]
 pub enum Verdict {
     /// The model explains the window, no fault is alarmed, and of none is the alarmed value more likely than the healthy
-    /// one by half of what an alarm takes.
+    /// one by half of what an alarm takes. That is of the faults that the window tells, one at least: of the others it says
+    /// nothing ([`Estimate::informative`]).
     Healthy = 0,
     /// The model explains the window, and a fault is alarmed, or its alarmed value is more likely than the healthy one by
     /// half of what an alarm takes.
@@ -56,6 +57,7 @@ pub struct Estimate {
 
 /// What a monitor says of a window.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Report<const FAULTS: usize> {
     /// Number of the window, from 0; windows that were skipped count.
     pub window: u32,

@@ -1,6 +1,6 @@
 //! The work of the background: never more than it is allowed, and the same result however it is cut.
 
-use crate::flight::{Flight, Flown, HEALTHY, Steps, TestMonitor, WINDOW, config, monitor};
+use crate::flight::{Flight, Flown, HEALTHY, Steps, TestMonitor, WINDOW, config, monitor, timeless};
 use eha_monitor::integrate::LONGEST_PIECE;
 use eha_monitor::integrate::observed::Observed;
 use eha_monitor::monitor::Monitor;
@@ -32,7 +32,7 @@ fn reports(config: &Config<2>, [budget, polls, every]: [u32; 3]) -> Vec<Report<2
             for number in 0..polls {
                 let poll = monitor.poll(&mut outlet, budget);
                 assert_eq!(poll.samples, if number == 0 { every } else { 0 });
-                reports.extend(poll.report.map(|report| Report { latency_samples: 0, ..report }));
+                reports.extend(poll.report.map(timeless));
             }
         }
     }

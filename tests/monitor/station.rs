@@ -2,9 +2,10 @@
 
 use crate::flight::{Flight, Flown, HEALTHY, Steps, WINDOW, config};
 use eha_monitor::link::frame::{Decoder, LONGEST, encode};
-use eha_monitor::link::message::{FromMonitor, Setup, ToMonitor};
+use eha_monitor::link::message::{FromMonitor, Refusal, Setup, ToMonitor};
 use eha_monitor::link::station::Station;
-use eha_monitor::monitor::config::Config;
+use eha_monitor::monitor::config::{Config, ConfigError, Fault};
+use eha_monitor::parameter::Parameter;
 
 /// A station, and what it has said.
 struct Line {
@@ -24,23 +25,29 @@ impl Line {
         said
     }
 
-    fn set_up(&mut self, config: &Config<2>) -> bool {
-        let setup = Setup::of(config).expect("few changes");
-        let said = self.send(&ToMonitor::Setup(setup));
-        assert!(matches!(said[..], [FromMonitor::Ready(_)]), "{said:?}");
-        said[0] == FromMonitor::Ready(true)
+    fn set_up(&mut self, config: &Config<2>) -> Result<(), Refusal> {
+        let said = self.send(&ToMonitor::Setup(Setup::of(config).expect("few changes")));
+        match said[..] {
+            [FromMonitor::Ready] => Ok(()),
+            [FromMonitor::Refused(reason)] => Err(reason),
+            _ => panic!("{said:?}"),
+        }
     }
 }
 
 #[test]
 fn a_setup_that_is_refused_leaves_the_monitor_at_work() {
     let mut line = Line { station: Box::new(Station::new(Steps::new())), decoder: Decoder::new() };
-    assert!(!line.set_up(&Config { steps_per_sample: 0, ..config() }), "it would never come to a report");
+    let refused = |error| Err(Refusal::Config(error));
+    let without_steps = Config { seed: 2, steps_per_sample: 0, ..config() };
+    assert_eq!(line.set_up(&without_steps), refused(ConfigError::Steps), "it would never come to a report");
     assert_eq!(line.station.monitor().config(), None);
-    assert!(line.set_up(&Config { steps_per_sample: 1, ..config() }));
-    assert!(line.set_up(&config()));
-    assert!(!line.set_up(&Config { sample_period: 1.0, ..config() }));
-    assert!(!line.set_up(&Config { seed: 2, steps_per_sample: 0, ..config() }));
+    assert_eq!(line.set_up(&Config { steps_per_sample: 1, ..config() }), Ok(()));
+    assert_eq!(line.set_up(&config()), Ok(()));
+    let mut gain = config();
+    gain.faults[0] = Fault::new(Parameter::PressureGain, [1e10, 1e12], 2e10, 3e10);
+    assert_eq!(line.set_up(&gain), refused(ConfigError::Reach(Parameter::PressureGain)));
+    assert_eq!(line.set_up(&without_steps), refused(ConfigError::Steps));
     assert_eq!(line.station.monitor().config(), Some(&config()));
     let flown = Flown::new(51);
     let mut flight = Flight::new(|sample| flown.at(sample), 51);

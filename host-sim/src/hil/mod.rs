@@ -13,9 +13,11 @@ use crate::rig::{BUILT_IN, Rig};
 use damage::{Damage, Injected};
 use eha_monitor::integrate::Stepper;
 use eha_monitor::link::frame::{Decoder, LONGEST, encode};
-use eha_monitor::link::message::{FAULTS, FromMonitor, ReportMessage, SAMPLES, Setup, ToMonitor};
+use eha_monitor::link::message::{
+    FAULTS, FromMonitor, Refusal, ReportMessage, SAMPLES, Setup, ToMonitor, VERSION,
+};
 use eha_monitor::link::station::{POPULATION, PlainSteps, Station, WINDOW, any_steps};
-use eha_monitor::monitor::config::{Config, Fault};
+use eha_monitor::monitor::config::{Config, ConfigError, Fault};
 use eha_monitor::parameter::Parameter;
 use eha_monitor::trial::SensorNoise;
 use line::Line;
@@ -30,10 +32,6 @@ use stream::{Growth, Simulated};
 const SLOTS: usize = 8;
 /// Steps of the model that the monitor may take for each sample: an eighth of the processor at 480 MHz.
 pub const STEPS_PER_SAMPLE: u32 = 100;
-/// Said where the monitor at the other end does not take the rig.
-const REFUSED: &str = "the monitor at the other end refuses this rig: one that is not piecewise affine needs the image for \
-                       every rig (`any-rig`)";
-
 /// The images of the firmware's monitor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Image {
@@ -282,7 +280,7 @@ impl Session {
         });
         let (mut answer, mut decoder, mut reports, mut status) =
             (Vec::new(), Decoder::new(), Vec::new(), None);
-        let is_refused = Cell::new(false);
+        let refusal = Cell::new(None);
         let mut hear = |bytes: Vec<u8>| {
             for &byte in &bytes {
                 match decoder.take::<FromMonitor>(byte) {
@@ -291,8 +289,8 @@ impl Session {
                         reports.push(report);
                     }
                     Some(message @ FromMonitor::Status { .. }) => status = Some(message),
-                    Some(FromMonitor::Ready(is_ready)) => is_refused.set(!is_ready),
-                    None => {}
+                    Some(FromMonitor::Refused(reason)) => refusal.set(Some(reason)),
+                    Some(FromMonitor::Ready) | None => {}
                 }
             }
             answer.extend(bytes);
@@ -309,8 +307,8 @@ impl Session {
             while let Ok(bytes) = receiver.try_recv() {
                 hear(bytes);
             }
-            if is_refused.get() {
-                return Err(Failure::other(REFUSED));
+            if let Some(reason) = refusal.get() {
+                return Err(refused(reason));
             }
         }
         line.writer.flush().map_err(Failure::other)?;
@@ -325,12 +323,29 @@ impl Session {
             line.writer.write_all(end).and_then(|()| line.writer.flush()).map_err(Failure::other)?;
         }
         let log = line.end()?;
-        if is_refused.get() {
-            return Err(Failure::other(REFUSED));
+        if let Some(reason) = refusal.get() {
+            return Err(refused(reason));
         }
         let is_identical = answer == expected;
         Ok(Outcome { reports, status, twin, is_identical, bytes: sent, injected, log })
     }
+}
+
+/// What there is to say where the monitor at the other end does not take the rig.
+fn refused(reason: Refusal) -> Failure {
+    Failure::other(match reason {
+        Refusal::Version(other) => format!(
+            "the monitor at the other end speaks another version of the messages ({other:08x}, here {VERSION:08x}): build both \
+             from the same source"
+        ),
+        Refusal::Unknown => "the monitor at the other end does not know the form of this rig or one of its parameters".to_owned(),
+        Refusal::Config(ConfigError::Model) => {
+            "the monitor at the other end does not take this rig: one that is not piecewise affine needs the image for every \
+             rig (`any-rig`)"
+                .to_owned()
+        }
+        Refusal::Config(error) => format!("the monitor at the other end does not take this rig: {error}"),
+    })
 }
 
 /// A message as it goes over the line; none where a frame does not hold it.

@@ -220,13 +220,7 @@ fn line_of(config: &Config<FAULTS>, report: &ReportMessage) -> String {
         let value = quantity(f64::from(*value), unit);
         let _ = write!(text, " {value:>13} +- {error:>9} {:>7.0}%", evidence * 100.0);
     }
-    let alarms: Vec<&str> = config
-        .faults
-        .iter()
-        .zip(report.flags)
-        .filter(|(_, [_, alarmed])| *alarmed)
-        .map(|(fault, _)| fault.free.parameter.info().name)
-        .collect();
+    let alarms = alarmed(config, report.flags.map(|[_, alarmed]| alarmed));
     let excluded: u32 = report.exclusions.iter().sum();
     text + &format!(
         " {:>12} {excluded:>8} {:>7} {:>6}",
@@ -236,10 +230,16 @@ fn line_of(config: &Config<FAULTS>, report: &ReportMessage) -> String {
     )
 }
 
+/// Names of the faults that are alarmed.
+fn alarmed(config: &Config<FAULTS>, alarms: [bool; FAULTS]) -> Vec<&'static str> {
+    let faults = config.faults.iter().zip(alarms).filter(|(_, alarmed)| *alarmed);
+    faults.map(|(fault, _)| fault.free.parameter.info().name).collect()
+}
+
 fn summary(session: &Session, outcome: &Outcome) -> String {
     let mut text = format!(
-        "{} reports; the host's own run of the monitor {}",
-        outcome.reports.len(),
+        "{}; the host's own run of the monitor {}",
+        counted(outcome.reports.len(), "report"),
         if outcome.is_identical { "gives the same bytes" } else { "DIFFERS" }
     );
     if outcome.twin.is_empty()
@@ -255,14 +255,14 @@ fn summary(session: &Session, outcome: &Outcome) -> String {
     );
     if let Some(FromMonitor::Status {
         received: [bytes, frames, damaged],
-        monitor: [samples, windows, skipped],
+        monitor: [samples, _, skipped],
         ..
     }) = outcome.status
     {
         let _ = write!(
             text,
-            "\nreceived: {bytes} bytes, {frames} frames whole, {damaged} damaged; {samples} samples, {windows} windows, \
-             {skipped} skipped"
+            "\nreceived: {bytes} bytes, {frames} frames whole, {damaged} damaged; {samples} samples, {} skipped",
+            counted(skipped as usize, "window")
         );
     }
     if let Some(log) = &outcome.log {
@@ -350,10 +350,10 @@ fn json_of(
     rig: &Rig,
 ) -> Value {
     let status = match outcome.status {
-        Some(FromMonitor::Status { received, monitor, exclusions }) => json!({
+        Some(FromMonitor::Status { received, monitor, exclusions, alarms }) => json!({
             "bytes": received[0], "frames": received[1], "damaged_frames": received[2],
             "samples": monitor[0], "windows": monitor[1], "skipped": monitor[2],
-            "excluded": exclusions_json(&exclusions),
+            "excluded": exclusions_json(&exclusions), "alarmed": alarmed(&session.config, alarms),
         }),
         _ => Value::Null,
     };
