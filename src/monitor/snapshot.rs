@@ -328,8 +328,9 @@ where
     }
 
     /// Goes on where a snapshot was taken. The monitor must have the same configuration; it stays as it is where the
-    /// snapshot is refused. Where the next tick follows, it goes on with the same bits; where some are missing, the window
-    /// that filled is given up, and evidence and estimates stay.
+    /// snapshot is refused. Where the next tick follows, it goes on with the same bits, but for a search that is ended to be in
+    /// time: it is begun anew, and has less of it. Where some ticks are missing, the window that filled is given up, and
+    /// evidence and estimates stay.
     ///
     /// # Errors
     /// The bytes are no snapshot of this version and configuration, damaged, or none of a monitor's making.

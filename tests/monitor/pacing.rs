@@ -86,6 +86,9 @@ fn a_search_ends_before_the_next_window_is_full() {
     // A command that is held, and a model that explains nothing: the dearest searches.
     for steps in [40, 60, 100, 200] {
         let (windows, skipped, latest) = pace(&Config { steps_per_sample: steps, ..wrong() }, steps);
+        println!(
+            "{steps} steps a sample: the latest report of {windows} is {latest} samples behind its window"
+        );
         assert_eq!((windows, skipped), (60, 0), "{steps}");
         assert!(latest < WINDOW as u32, "{steps}: {latest}");
     }

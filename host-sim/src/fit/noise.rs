@@ -41,6 +41,9 @@ const RMS_OF_USUAL: f64 = 0.934_6;
 /// quarter of a step.
 pub const COARSE: f64 = 2.6;
 
+/// Fourth differences of a series from which on their median tells its noise, to a fifth.
+const FEW: usize = 30;
+
 /// Where the noise of a channel comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoiseSource {
@@ -112,13 +115,18 @@ pub fn pooled(records: impl Iterator<Item = [f64; MEASURED]>) -> [f64; MEASURED]
 ///
 /// Fourth differences take out what is smooth over five samples; their spread over that of white noise is
 /// `sqrt(1 + 16 + 36 + 16 + 1)`. The median absolute value ignores steps and reversals. A quantised series at rest has
-/// mostly zero differences: the noise is then not below that of the quantum, `q/sqrt(12)`. Where most samples are
-/// missing, the others are taken for neighbours.
+/// mostly zero differences: the noise is then not below that of the quantum, `q/sqrt(12)`. Where the samples that are not
+/// missing are [sparse](is_sparse), they are taken for neighbours.
 pub fn noise_of_series(values: &[f64]) -> f64 {
     let present = present(values);
-    let values = if 2 * present.len() < values.len() { &present } else { values };
+    let values = if is_sparse(values) { &present } else { values };
     let quantum = quantum(values);
     spread(values, quantum).max(quantum / 12.0_f64.sqrt())
+}
+
+/// Are hardly any five samples in a row there, as where a sensor is read at every second one?
+pub fn is_sparse(values: &[f64]) -> bool {
+    fourth_differences(values).count() < FEW
 }
 
 /// The samples of a series that are not missing.
@@ -327,6 +335,25 @@ mod tests {
     fn noise_of_a_moving_signal_is_found_to_five_percent() {
         let values = noisy(5000, 5e-6, |t| 4e-3 * (31.4 * t).sin());
         assert!((noise_of_series(&values) / 5e-6 - 1.0).abs() < 0.05);
+    }
+
+    #[test]
+    fn noise_of_a_signal_that_is_read_seldom_is_found() {
+        let values = noisy(2000, 5e-6, |t| 4e-3 * (12.0 * t).sin());
+        let read = |is_read: &dyn Fn(usize) -> bool| -> f64 {
+            let seen = values.iter().enumerate().map(|(k, &value)| if is_read(k) { value } else { f64::NAN });
+            noise_of_series(&seen.collect::<Vec<_>>())
+        };
+        for every in 2..=5 {
+            for first in 0..2 {
+                let noise = read(&|k| k % every == first);
+                assert!((noise / 5e-6 - 1.0).abs() < 0.15, "{every}: {noise}");
+            }
+        }
+        // Three in ten are missing anywhere: what is there of five in a row tells.
+        let anywhere = noisy(2000, 1.0, |_| 0.0);
+        let noise = read(&|k| anywhere[1999 - k] < 0.52);
+        assert!((noise / 5e-6 - 1.0).abs() < 0.15, "{noise}");
     }
 
     #[test]

@@ -179,16 +179,20 @@ fn of_sensor(
     let coarse = if held.is_none() { on_coarse_steps(values, model_error) } else { Vec::new() };
     let mut left_out = repeated.to_vec();
     merge(&mut left_out, held.iter().flat_map(|held| held.repeats.iter().copied()));
-    let fresh: Vec<usize> =
+    let mut fresh: Vec<usize> =
         (0..values.len()).filter(|sample| left_out.binary_search(sample).is_err()).collect();
-    let values: Vec<f64> = fresh.iter().map(|&sample| values[sample]).collect();
+    let of = |fresh: &[usize]| -> Vec<f64> { fresh.iter().map(|&sample| values[sample]).collect() };
+    if fit::is_sparse(&of(&fresh)) {
+        fresh.retain(|&sample| values[sample].is_finite());
+    }
+    let values = of(&fresh);
     let least = SPIKE_SIGMA * fit::noise_of_series(&values).max(model_error);
     let mut stuck = filled(&values, model_error);
     if is_position(channel) {
         merge(&mut stuck, repeating(&values, least));
     }
-    let every = held.as_ref().map_or(1, |held| held.every);
-    let longest = ((LONGEST_S / record.sample_period_s()) as usize / every).max(1);
+    let longest = (LONGEST_S / record.sample_period_s()) as usize * fresh.len() / record.len();
+    let longest = longest.max(1);
     let (least, longest) = match channel {
         Channel::Pressure => (PRESSURE_SHARE * rig.parameters.supply_pressure / OF_THREE, None),
         channel => (least, is_position(channel).then_some(longest)),
@@ -556,6 +560,27 @@ mod tests {
         let expected = "changed: lvdt_m: a spike at 0.6 s: left out of every fit; a new value every 5 samples only: those \
                         between are left out of every fit";
         assert_eq!(notes, [expected]);
+    }
+
+    #[test]
+    fn a_sensor_of_which_every_second_sample_is_blank_has_no_spikes() {
+        for command in ["chirp", "sine", "mixed"] {
+            let (rig, record) = flown(command, 5e-6);
+            for channel in [Channel::UserPosition, Channel::Current] {
+                for every in [2, 3] {
+                    let blank = changed(&record, channel, |values| {
+                        values.iter_mut().enumerate().filter(|(k, _)| k % every > 0).for_each(
+                            |(_, value)| {
+                                *value = f64::NAN;
+                            },
+                        );
+                    });
+                    assert_eq!(screen(&rig, &blank).notes, [""; 0], "{command}, every {every}");
+                    let spiky = changed(&blank, channel, |values| values[600] *= 100.0);
+                    assert_eq!(screen(&rig, &spiky).notes.len(), 1, "{command}, every {every}");
+                }
+            }
+        }
     }
 
     #[test]
