@@ -119,10 +119,14 @@ pub(crate) fn integrator() -> Result<(), Failure> {
     refused(build().args(["--features", "images-of-the-library"]), "_critical_section_1_0_acquire")
 }
 
-/// `cargo VERB` on the firmware of a user of the library: a workspace of its own, with a target of its own.
+/// `cargo VERB` on the firmware of a user of the library: a workspace of its own, which builds where this one has built most of
+/// what it needs.
 fn cargo_for_integrator(verb: &str) -> Command {
     let mut cargo = cargo();
     cargo.current_dir(root().join("tests/integrator")).arg(verb);
+    if env::var_os("CARGO_TARGET_DIR").is_none() {
+        cargo.env("CARGO_TARGET_DIR", root().join("target"));
+    }
     cargo
 }
 

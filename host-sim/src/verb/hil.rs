@@ -119,7 +119,10 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
             counted(outcome.twin.len(), "report")
         )))
     } else {
-        Err(Failure::other("the firmware's answer differs from that of the same monitor on this host"))
+        Err(Failure::other(
+            "the firmware's answer differs from that of the monitor in this program: if the sources have changed since it was \
+             built, build it anew",
+        ))
     }
 }
 
