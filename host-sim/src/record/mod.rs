@@ -4,7 +4,9 @@
 //! Columns, units and limits are those of [`eha_monitor::channel::CHANNELS`].
 
 use eha_monitor::channel::{CHANNELS, Channel, ChannelInfo, ChannelRole};
-use std::io::Read as _;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
 
 mod csv;
 mod csv_writer;
@@ -92,34 +94,47 @@ pub struct Loaded {
     pub warnings: Vec<String>,
 }
 
-/// Reads a record from the text or the MAT file on stdin.
-fn read_stdin(options: &ReadOptions) -> Result<Loaded, RecordError> {
-    let mut bytes = Vec::new();
-    let read = std::io::stdin().lock().read_to_end(&mut bytes);
-    read.map_err(|error| RecordError::new(STDIN, Problem::Io(error)))?;
-    if csv::is_mat(&bytes) { parse_mat(STDIN, &bytes, options) } else { parse_csv(STDIN, &bytes, options) }
-}
-
-/// Reads a record from a CSV, MAT or Parquet file, whichever it is by its first bytes or, for MAT, its name; `-` is stdin,
-/// for CSV and MAT.
+/// Reads a record from a CSV, MAT or Parquet file, whichever it is by its first bytes or, for MAT, its name. What is no
+/// file is read once, as CSV or MAT: a pipe, a device, or stdin, which is `-`.
 ///
 /// # Errors
 ///
 /// Those of [`read_csv_with`], [`read_mat_with`] and [`read_parquet_with`].
-pub fn read(path: &std::path::Path, options: &ReadOptions) -> Result<Loaded, RecordError> {
+pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded, RecordError> {
+    let is_named_mat = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mat"));
     if path.as_os_str() == "-" {
-        return read_stdin(options);
+        return read_stream(STDIN, std::io::stdin().lock(), is_named_mat, options);
+    }
+    let name = path.display().to_string();
+    let cannot_read = |error| RecordError::new(&name, Problem::Io(error));
+    let file = File::open(path).map_err(cannot_read)?;
+    if !file.metadata().map_err(cannot_read)?.is_file() {
+        return read_stream(&name, file, is_named_mat, options);
     }
     let mut first = Vec::new();
-    let opened = std::fs::File::open(path).and_then(|file| file.take(8).read_to_end(&mut first));
-    opened.map_err(|error| RecordError::new(&path.display().to_string(), Problem::Io(error)))?;
-    let named_mat = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mat"));
+    file.take(8).read_to_end(&mut first).map_err(cannot_read)?;
     if first.starts_with(PARQUET_SIGNATURE) {
         read_parquet_with(path, options)
-    } else if named_mat || csv::is_mat(&first) {
+    } else if is_named_mat || csv::is_mat(&first) {
         read_mat_with(path, options)
     } else {
         read_csv_with(path, options)
+    }
+}
+
+/// Reads a record from a text or a MAT file that comes as a stream, whose bytes are there once.
+fn read_stream(
+    name: &str,
+    mut stream: impl Read,
+    is_named_mat: bool,
+    options: &ReadOptions,
+) -> Result<Loaded, RecordError> {
+    let mut bytes = Vec::new();
+    stream.read_to_end(&mut bytes).map_err(|error| RecordError::new(name, Problem::Io(error)))?;
+    if is_named_mat || csv::is_mat(&bytes) {
+        parse_mat(name, &bytes, options)
+    } else {
+        parse_csv(name, &bytes, options)
     }
 }
 

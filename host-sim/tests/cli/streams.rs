@@ -1,7 +1,7 @@
 //! Results on stdout, log on stderr, and nothing else.
 
-use super::harness::Bench;
-use std::io::Read as _;
+use super::harness::{BAD_DATA, Bench, with_cells};
+use std::io::{Read as _, Write as _};
 use std::process::Stdio;
 
 #[test]
@@ -62,6 +62,11 @@ fn a_closed_pipe_ends_the_program_quietly() {
     }
 }
 
+/// The lines of a record without its comments.
+fn rows(text: &str) -> Vec<&str> {
+    text.lines().filter(|line| !line.starts_with('#')).collect()
+}
+
 #[test]
 fn a_record_may_come_on_stdin() {
     let bench = Bench::new();
@@ -72,13 +77,40 @@ fn a_record_may_come_on_stdin() {
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("text");
         (output.status.code(), text(output.stdout), text(output.stderr))
     };
-    let rows = |text: &str| {
-        text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect::<Vec<_>>()
-    };
     let (code, found, _) = run("record.csv");
     assert_eq!((code, rows(&found)), (Some(0), rows(&bench.read("record.csv"))));
     bench.write("bad.csv", "t_s,command_m,lvdt_m\n0,1,x\n");
     let (code, found, error) = run("bad.csv");
     assert_eq!((code, found.as_str()), (Some(3), ""));
     assert!(error.contains("stdin:2: column `lvdt_m` (3)"), "{error}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_record_may_come_through_a_pipe() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    assert!(std::process::Command::new("mkfifo").arg(bench.path("pipe")).status().expect("mkfifo").success());
+    let bare = with_cells(&bench.read("record.csv"), "lvdt_m", |_, cell| cell.to_owned());
+    bench.write("bare.csv", &bare);
+    let piped = bench.command(&["import", "/dev/stdin"]).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
+    let mut piped = piped.expect("the program starts");
+    piped.stdin.take().expect("a pipe").write_all(bare.as_bytes()).expect("it reads");
+    let output = piped.wait_with_output().expect("the program ends");
+    assert_eq!(rows(&String::from_utf8_lossy(&output.stdout)), rows(&bench.read("record.csv")));
+    bench.write("bad.csv", "# of a logger\nt_s,command_m,lvdt_m\n0,1,x\n");
+    let through = |name: &str| {
+        let writer = std::thread::spawn({
+            let (file, pipe) = (bench.path(name), bench.path("pipe"));
+            move || std::fs::copy(file, pipe)
+        });
+        let run = bench.run(&["import", "pipe"]);
+        // One that goes away before it has everything breaks the pipe.
+        let _ = writer.join().expect("a writer");
+        run
+    };
+    for name in ["record.csv", "bare.csv"] {
+        assert_eq!(rows(&through(name).done().stdout), rows(&bench.read("record.csv")), "{name}");
+    }
+    through("bad.csv").refused(BAD_DATA, &["pipe:3: column `lvdt_m` (3)"]);
 }
