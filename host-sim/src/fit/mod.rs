@@ -33,7 +33,7 @@ pub use limits::{CLIPPED, at_ends, extent, longest_rests, share_at_ends};
 pub use noise::{
     COARSE, LaggedProducts, MODEL_ERROR, NoiseSource, SMALLEST_NOISE, TYPICAL_NOISE, correlation_time,
     differences, fourth_differences, is_sparse, longest_correlation_time, noise_of, noise_of_series,
-    noise_source, pooled, present, quantum, residual_series, rms,
+    noise_source, pooled, present, quantum, residual_series, rms, shown_noise,
 };
 pub use periodogram::{periodograms, strongest_tone};
 pub use polish::{Polished, approach, foresee, misfit, misfit_within, polish};

@@ -71,10 +71,14 @@ pub fn noise_of(rig: &Rig, record: &Recorded) -> [f64; MEASURED] {
     std::array::from_fn(|index| {
         let channel = Channel::MEASURED[index];
         record.channel(channel).map_or(f64::INFINITY, |values| {
-            rig.noise_of(channel)
-                .unwrap_or_else(|| noise_of_series(&unclipped(values)).max(SMALLEST_NOISE[index]))
+            rig.noise_of(channel).unwrap_or_else(|| shown_noise(index, values))
         })
     })
+}
+
+/// Standard deviation of the noise that the values of a measured channel, given by its place, show, in its unit.
+pub fn shown_noise(channel: usize, values: &[f64]) -> f64 {
+    noise_of_series(&unclipped(values)).max(SMALLEST_NOISE[channel])
 }
 
 /// The step in which a command was recorded, m; 0 where it shows none.

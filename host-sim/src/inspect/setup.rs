@@ -1,4 +1,4 @@
-//! Errors of a set-up that no actuator makes up for: another unit, sign or column, a sensor at its end.
+//! Errors of a set-up that no actuator makes up for: another unit, sign or column, a sensor at its end, a noise that is none.
 //!
 //! Each is told by a ratio that physics bounds: how far a channel moves against what the model, at the rig's values,
 //! says of it. Faults change that by less than the limits here, a wrong unit by more.
@@ -8,7 +8,7 @@ use super::slack::left_behind;
 use super::{Motion, TURN_SIGMA, motion};
 use crate::fit::measured::USER;
 use crate::fit::{self, Prepared};
-use crate::output::quantity;
+use crate::output::{plain, quantity};
 use crate::record::Record;
 use crate::record::units::{Unit, units_of};
 use crate::rig::{Range, Rig};
@@ -36,6 +36,13 @@ const AHEAD: f64 = 2.0;
 /// Share of the rig's delay by which a position must be later: that of a step is where two shapes are most alike, and noise
 /// moves it.
 const LATER: f64 = 0.1;
+
+/// How many times less than a record shows the noise may be that a rig states: a motion that turns sharply between slow samples
+/// shows as noise of some fifteen times the sensor's. The next unit is a thousand away, and so it is above.
+const LESS_NOISE: f64 = 30.0;
+/// How many times more it may be: noise of a colour shows as a small part of it from sample to sample, and a record that a
+/// program made shows the least that is believed, a fiftieth of a sensor's.
+const MORE_NOISE: f64 = 100.0;
 
 /// A scale in the unit of a channel for each unit of the column, as an example.
 const EXAMPLE: f64 = 1.5e-5;
@@ -74,6 +81,7 @@ pub(crate) fn remarks(rig: &Rig, record: &Record) -> Vec<String> {
     let prepared = fit::prepare_with(rig, record, noise);
     [
         idle_drive(rig, record),
+        noise_of_another_unit(rig, record),
         late_start(&prepared),
         never_turns(rig, record, noise[USER]),
         clipped(rig, record),
@@ -98,6 +106,26 @@ fn idle_drive(rig: &Rig, record: &Record) -> Vec<String> {
         )
     };
     is_idle.then(remark).into_iter().collect()
+}
+
+/// A noise that the rig states, of which the record shows far less or far more.
+fn noise_of_another_unit(rig: &Rig, record: &Record) -> Vec<String> {
+    iter::zip(Channel::MEASURED, 0..)
+        .filter_map(|(channel, index): (Channel, usize)| {
+            let stated = rig.noise_of(channel)?;
+            let shown = fit::shown_noise(index, record.channel(channel)?);
+            let info = channel.info();
+            (!(shown / LESS_NOISE..=shown * MORE_NOISE).contains(&stated)).then(|| {
+                format!(
+                    "the rig states a noise of {} {} for {} ([noise]), the record shows {}: is it in another unit?",
+                    plain(stated),
+                    info.unit,
+                    info.column,
+                    quantity(shown, info.unit)
+                )
+            })
+        })
+        .collect()
 }
 
 /// A record, or a stretch of it, that does not start at rest where it is told to, or nobody knows where.

@@ -170,6 +170,32 @@ fn it_says_what_is_wrong_with_a_set_up() {
     assert!(fit.json()["warnings"].to_string().contains(said[0]), "{}", fit.stdout);
 }
 
+#[test]
+fn a_noise_of_the_rig_in_another_unit_is_told() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    let notes = |noise: &str| {
+        bench.write("rig.toml", &format!("[noise]\n{noise}\n"));
+        let checked = bench.run(&["check", "record.csv", "--rig", "rig.toml", "--json"]).done().json();
+        checked["records"][0]["notes"].to_string()
+    };
+    // The controls are what somebody may believe of a sensor.
+    for sound in ["lvdt_m = 5e-6", "lvdt_m = 5e-7", "lvdt_m = 1e-4\ncurrent_mA = 0.2", "ram_m = 5"] {
+        assert!(!notes(sound).contains("[noise]"), "{sound}");
+    }
+    let nanometres = notes("lvdt_m = 5e-9");
+    assert!(nanometres.contains("a noise of 5e-9 m for lvdt_m ([noise]), the record shows "), "{nanometres}");
+    assert!(notes("current_mA = 2e-5").contains("a noise of 0.00002 mA for current_mA"));
+    assert!(notes("lvdt_m = 5").contains("a noise of 5 m for lvdt_m"));
+    // Fits say the same.
+    for verb in ["identify", "calibrate", "diagnose"] {
+        let bounds = if verb == "calibrate" { &["--bounds", "fdj=200..4000"][..] } else { &[] };
+        let run = bench.run(&[&[verb, "record.csv", "--rig", "rig.toml"][..], bounds].concat()).done();
+        let said = "warning: record.csv: the rig states a noise of 5 m for lvdt_m";
+        assert_eq!(run.stderr.matches(said).count(), 1, "{verb}: {}", run.stderr);
+    }
+}
+
 /// The options in back quotes that notes offer.
 fn offered(notes: &str) -> Vec<&str> {
     notes.split('`').filter_map(|part| part.strip_prefix("--columns '")?.strip_suffix('\'')).collect()
