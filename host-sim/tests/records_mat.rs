@@ -282,6 +282,17 @@ fn variables_that_are_no_vectors_are_told_apart() {
         found,
         "run.mat: variable `matrix`: found an array of 30 x 2, of which `matrix(:,1)` is a column, expected a real numeric vector"
     );
+    // Where nothing but an array is there, the message says the same.
+    let file = Level5::new(false);
+    let all = [times(), motion(), motion()].concat();
+    let matrix = file.doubles("data", &[SAMPLES as u32, 3], &all);
+    let found = message(&file.with(&matrix).bytes, &[]);
+    assert_eq!(
+        found,
+        "run.mat: `t_s`, `command_m`, `lvdt_m` are missing: found `data`; map them: \
+         `--columns 't_s=NAME,command_m=NAME,lvdt_m=NAME'`, or give the sampling rate: `--rate HZ`; `data` is an array of \
+         60 x 3, of which `data(:,1)` is a column"
+    );
     let found = message(&bytes, &["lvdt_m=text"]);
     assert_eq!(found, "run.mat: variable `text`: found text, expected a real numeric vector");
 }
@@ -320,7 +331,10 @@ fn columns_and_rows_of_an_array_are_channels() {
         );
     }
     // MATLAB counts from 1.
-    assert!(message(&level5, &["t_s=log.data(:,0)"]).starts_with("run.mat: `t_s=log.data(:,0)` is missing"));
+    assert!(
+        message(&level5, &["t_s=log.data(:,0)"])
+            .starts_with("run.mat: `t_s=log.data(:,0)`, `command_m`, `lvdt_m` are missing")
+    );
 }
 
 #[test]
@@ -367,7 +381,7 @@ fn a_file_of_another_program_is_read() {
     let found = |entry: &str| read_mat_with(&path, &options(&[entry])).expect_err("no vector").to_string();
     assert!(found("lvdt_m=z").ends_with("found complex numbers, expected a real numeric vector"));
     assert!(found("lvdt_m=text").ends_with("found text, expected a real numeric vector"));
-    assert!(found("lvdt_m=M").contains("found an array of 3 x 4, of which `M(:,1)` is a column, expected"));
+    assert!(found("lvdt_m=M").contains("found an array of 3 x 4, of which `M(1,:)` is a row, expected"));
 }
 
 #[test]

@@ -83,10 +83,10 @@ pub enum Problem {
     NoHeader,
     /// The text could not be split into cells.
     Malformed(String),
-    /// A required column or a mapped one is not there.
+    /// Required columns or mapped ones are not there.
     Missing {
         /// What was looked for.
-        expected: String,
+        expected: Vec<String>,
         /// What the file has.
         present: Vec<String>,
         /// A mapping that may be meant.
@@ -213,7 +213,8 @@ impl fmt::Display for Problem {
             ),
             Self::Malformed(what) => write!(f, "cannot be split into cells: {what}"),
             Self::Missing { expected, present, hint } => {
-                write!(f, "`{expected}` is missing: found {}", quoted(present))?;
+                let are = if expected.len() == 1 { "is" } else { "are" };
+                write!(f, "{} {are} missing: found {}", quoted(expected), quoted(present))?;
                 hint.iter().try_for_each(|hint| write!(f, "; {hint}"))
             }
             Self::Duplicate { first } => {

@@ -119,14 +119,10 @@ impl Mapping {
 
     /// The entries of a list such as `t_s=time,lvdt_m=data(:,2)[mm]`: a comma that no `COLUMN=` follows is part of a name.
     pub fn split(text: &str) -> impl Iterator<Item = &str> {
-        let is_column = |text: &str| text.chars().all(|c| c.is_alphanumeric() || c == '_');
         let mut rest = Some(text);
         std::iter::from_fn(move || {
             let text = rest?;
-            let separates = |&(at, _): &(usize, &str)| {
-                text[at + 1..].split_once('=').is_some_and(|(column, _)| is_column(column.trim()))
-            };
-            let end = text.match_indices(',').find(separates).map(|(at, _)| at);
+            let end = before_entry(text, ',');
             rest = end.map(|end| &text[end + 1..]);
             Some(&text[..end.unwrap_or(text.len())])
         })
@@ -138,7 +134,7 @@ impl Mapping {
 
     /// Every channel that `find` knows by name, in the order of the channel table.
     ///
-    /// `present` are the names to list if a channel that must be there is not, `offered` those that can be read.
+    /// `present` are the names to list if channels that must be there are not, `offered` those that can be read.
     pub(super) fn resolve<T>(
         &self,
         wanted: impl Fn(&ChannelInfo) -> Wanted,
@@ -147,6 +143,7 @@ impl Mapping {
         mut find: impl FnMut(&str) -> Option<T>,
     ) -> Result<Vec<Found<T>>, Problem> {
         let mut all = Vec::new();
+        let mut missing = Vec::new();
         for info in CHANNELS.iter().filter(|info| wanted(info) != Wanted::No) {
             let channel = info.channel;
             let entry = self.entry(channel);
@@ -157,39 +154,79 @@ impl Mapping {
                     (find(&entry.full_name).or_else(|| find(&entry.name)), entry.factor, unit)
                 }
             };
-            if let Some(source) = source {
-                all.push(Found { channel, factor, unit, source });
-            } else if let Some(entry) = entry {
-                let expected = format!("{}={}", info.column, entry.full_name);
-                let hint = entry.similar(&offered());
-                return Err(Problem::Missing { expected, present: present.to_vec(), hint });
-            } else if wanted(info) == Wanted::Must {
-                let hint = Some(how_to_map(info, &offered()));
-                return Err(Problem::Missing {
-                    expected: info.column.to_owned(),
-                    present: present.to_vec(),
-                    hint,
-                });
+            match source {
+                Some(source) => all.push(Found { channel, factor, unit, source }),
+                None if entry.is_some() || wanted(info) == Wanted::Must => missing.push(info),
+                None => {}
             }
         }
-        Ok(all)
+        if missing.is_empty() {
+            return Ok(all);
+        }
+        let named = |info: &&ChannelInfo| match self.entry(info.channel) {
+            Some(entry) => format!("{}={}", info.column, entry.full_name),
+            None => info.column.to_owned(),
+        };
+        Err(Problem::Missing {
+            expected: missing.iter().map(named).collect(),
+            present: present.to_vec(),
+            hint: self.how_to_map(&missing, offered()),
+        })
+    }
+
+    /// The option that says where all channels are, those that are missing among the names that are left over; none where
+    /// every one of them is mapped already, and no name is like it.
+    fn how_to_map(&self, missing: &[&ChannelInfo], mut left_over: Vec<String>) -> Option<String> {
+        left_over.retain(|name| self.entries.iter().all(|of| *name != of.name && *name != of.full_name));
+        let mut is_like_any = false;
+        let mut entry_of = |info: &ChannelInfo| {
+            let entry = self.entry(info.channel);
+            if !missing.iter().any(|other| other.channel == info.channel) {
+                return entry.map(Entry::text);
+            }
+            let like = match entry {
+                Some(entry) => entry.similar(&left_over),
+                None => meant(info, &left_over),
+            };
+            let Some((place, text)) = like else {
+                return Some(format!("{}=NAME{}", info.column, entry.map_or("", |entry| &entry.scaling)));
+            };
+            is_like_any = true;
+            left_over.remove(place);
+            Some(text)
+        };
+        let entries: Vec<String> = CHANNELS.iter().filter_map(&mut entry_of).collect();
+        let option = option(&entries.join(","));
+        let is_mapped = |info: &&ChannelInfo| self.entry(info.channel).is_some();
+        if missing.iter().all(is_mapped) {
+            return is_like_any.then(|| format!("did you mean {option}?"));
+        }
+        let one = if missing.len() == 1 { "one" } else { "them" };
+        let such_as = if is_like_any { ", such as" } else { ":" };
+        let rate = if missing.iter().any(|info| info.channel == Channel::Time && !is_mapped(info)) {
+            ", or give the sampling rate: `--rate HZ`"
+        } else {
+            ""
+        };
+        Some(format!("map {one}{such_as} {option}{rate}"))
     }
 }
 
-/// How to say which of the names that are present is a channel.
-fn how_to_map(info: &ChannelInfo, present: &[String]) -> String {
-    let meant = present.iter().find_map(|name| {
-        let (close, unit) = closest(name)?;
-        (close.channel == info.channel).then(|| entry_for(name, close, unit))
-    });
-    let map = match meant {
-        Some(entry) => format!("map one, such as {}", option(&entry)),
-        None => format!("map one: {}", option(&format!("{}=NAME", info.column))),
+/// Where a separator is in a text that `COLUMN=` follows.
+fn before_entry(text: &str, separator: char) -> Option<usize> {
+    let is_column = |text: &str| text.chars().all(|c| c.is_alphanumeric() || c == '_');
+    let separates = |&(at, _): &(usize, &str)| {
+        text[at + 1..].split_once('=').is_some_and(|(column, _)| is_column(column.trim()))
     };
-    match info.channel {
-        Channel::Time => format!("{map}, or give the sampling rate: `--rate HZ`"),
-        _ => map,
-    }
+    text.match_indices(separator).find(separates).map(|(at, _)| at)
+}
+
+/// The name that may be a channel, by its place among others, and the entry that maps it.
+fn meant(info: &ChannelInfo, names: &[String]) -> Option<(usize, String)> {
+    names.iter().enumerate().find_map(|(place, name)| {
+        let (close, unit) = closest(name)?;
+        (close.channel == info.channel).then(|| (place, entry_for(name, close, unit)))
+    })
 }
 
 /// An entry as the option that says it, to be pasted into a shell.
@@ -202,6 +239,9 @@ impl Entry {
         let (column, source) =
             text.split_once('=').ok_or("expected COLUMN=NAME, COLUMN=NAME[UNIT] or COLUMN=NAME*FACTOR")?;
         let column = column.trim();
+        if let Some(at) = before_entry(source, ';') {
+            return Err(format!("expected commas between entries, found `{}`", source[at..].trim()));
+        }
         let info = CHANNELS.iter().find(|info| info.column == column).ok_or_else(|| {
             let known: Vec<&str> = CHANNELS.iter().map(|info| info.column).collect();
             format!("`{column}` is not a channel, expected one of {}", known.join(", "))
@@ -233,22 +273,28 @@ impl Entry {
         })
     }
 
-    /// The mapping with the name that is there and most like the one that is not.
-    fn similar(&self, present: &[String]) -> Option<String> {
+    /// The entry as it is written.
+    fn text(&self) -> String {
+        format!("{}={}{}", self.channel.info().column, self.name, self.scaling)
+    }
+
+    /// The name that is most like the one that is not there, by its place among others, and the entry that maps it.
+    fn similar(&self, names: &[String]) -> Option<(usize, String)> {
         let wanted = self.name.to_lowercase();
         let likeness = |name: &String| strsim::jaro_winkler(&wanted, &bare(name).to_lowercase());
         // Of names that are equally like it, the first.
-        let (name, _) = present
+        let (place, name, _) = names
             .iter()
+            .enumerate()
             .rev()
-            .map(|name| (name, likeness(name)))
-            .filter(|(_, likeness)| *likeness >= LIKE)
-            .max_by(|(_, a), (_, b)| a.total_cmp(b))?;
+            .map(|(place, name)| (place, name, likeness(name)))
+            .filter(|(_, _, likeness)| *likeness >= LIKE)
+            .max_by(|(_, _, a), (_, _, b)| a.total_cmp(b))?;
         let scaling = match self.scaling.split_once(']') {
             Some((_, scale)) if name.ends_with(']') => scale,
             _ => &self.scaling,
         };
-        Some(format!("did you mean {}?", option(&format!("{}={name}{scaling}", self.channel.info().column))))
+        Some((place, format!("{}={name}{scaling}", self.channel.info().column)))
     }
 }
 
@@ -410,6 +456,46 @@ mod tests {
     }
 
     #[test]
+    fn all_that_is_missing_is_told_at_once() {
+        let told = |entries: &[&str], present: &[&str]| {
+            let mapping = Mapping::parse(entries.iter().copied()).expect("valid");
+            let present: Vec<String> = present.iter().map(ToString::to_string).collect();
+            let place = |name: &str| present.iter().position(|other| other == name);
+            match mapping.resolve(
+                |info| ReadOptions::default().wanted(info),
+                &present,
+                || present.clone(),
+                place,
+            ) {
+                Err(problem) => problem.to_string(),
+                Ok(_) => String::new(),
+            }
+        };
+        assert_eq!(
+            told(&[], &["Time (ms)", "Ref", "Pos"]),
+            "`t_s`, `command_m`, `lvdt_m` are missing: found `Time (ms)`, `Ref`, `Pos`; map them, such as \
+             `--columns 't_s=Time (ms)[ms],command_m=NAME,lvdt_m=NAME'`, or give the sampling rate: `--rate HZ`"
+        );
+        assert_eq!(
+            told(&["t_s=Time (ms)[ms]"], &["Time (ms)", "Ref", "Pos"]),
+            "`command_m`, `lvdt_m` are missing: found `Time (ms)`, `Ref`, `Pos`; map them: \
+             `--columns 't_s=Time (ms)[ms],command_m=NAME,lvdt_m=NAME'`"
+        );
+        assert_eq!(
+            told(&["t_s=Tme*1e-3", "command_m=Re"], &["Time", "Ref", "LVDT [mm]"]),
+            "`t_s=Tme`, `command_m=Re`, `lvdt_m` are missing: found `Time`, `Ref`, `LVDT [mm]`; map them, such as \
+             `--columns 't_s=Time*1e-3,command_m=Ref,lvdt_m=LVDT [mm]'`"
+        );
+        // No name is offered twice, and none that is another channel.
+        assert_eq!(
+            told(&["t_s=Time", "command_m=Position1", "lvdt_m=Position2"], &["Time", "Position"]),
+            "`command_m=Position1`, `lvdt_m=Position2` are missing: found `Time`, `Position`; did you mean \
+             `--columns 't_s=Time,command_m=Position,lvdt_m=NAME'`?"
+        );
+        assert_eq!(told(&["t_s=Time", "command_m=Ref", "lvdt_m=Pos"], &["Time", "Ref", "Pos"]), "");
+    }
+
+    #[test]
     fn a_header_may_carry_its_unit() {
         let mapping = Mapping::parse(["lvdt_m=Position [mm]", "command_m=ref[mm]"]).expect("valid");
         let names = ["t_s", "Position [mm]", "ref"];
@@ -458,6 +544,10 @@ mod tests {
     #[test]
     fn every_mistake_has_its_reason() {
         assert!(reason("lvdt_m").contains("expected COLUMN=NAME"));
+        assert_eq!(
+            reason("t_s=t; command_m=cmd"),
+            "mapping `t_s=t; command_m=cmd`: expected commas between entries, found `; command_m=cmd`"
+        );
         assert!(reason("lvdt=x").contains("`lvdt` is not a channel, expected one of t_s, command_m"));
         assert!(reason("lvdt_m=").contains("name of the column or variable is missing"));
         assert!(reason("lvdt_m=[mm]").contains("name of the column or variable is missing"));

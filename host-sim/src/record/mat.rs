@@ -89,11 +89,14 @@ impl Contents {
         self.paths().into_iter().flat_map(of_path).collect()
     }
 
-    /// A channel that is missing, with what of the file cannot be read.
+    /// Channels that are missing, with what of the file is no vector.
     fn with_unread(&self, problem: Problem) -> Problem {
         let Problem::Missing { expected, present, hint } = problem else { return problem };
         let unread = present.iter().filter_map(|path| match self.find(path) {
             Some(Ok(Variable::Other(what))) => Some(format!("`{path}` is {what}, which is not read")),
+            Some(Ok(Variable::Array(array))) if !array.is_vector() => {
+                Some(format!("`{path}` is {}", with_part(&array.extents, path)))
+            }
             _ => None,
         });
         let hints: Vec<String> = hint.into_iter().chain(unread.take(MOST_LISTED)).collect();
@@ -239,10 +242,18 @@ fn vector(variable: Variable, path: &str) -> Result<Array, Problem> {
     match variable {
         Variable::Other(what) => Err(Problem::NotAVector(what)),
         Variable::Array(array) if array.is_vector() => Ok(array),
-        Variable::Array(Array { extents, .. }) => {
-            Err(Problem::NotAVector(format!("{}, of which `{path}(:,1)` is a column", in_words(&extents))))
-        }
+        Variable::Array(Array { extents, .. }) => Err(Problem::NotAVector(with_part(&extents, path))),
     }
+}
+
+/// An array that is no vector, in words, and what names a part of it that is one.
+fn with_part(extents: &[usize], path: &str) -> String {
+    let part = match *extents {
+        [rows, columns] if rows < columns => format!("of which `{path}(1,:)` is a row"),
+        [_, _] => format!("of which `{path}(:,1)` is a column"),
+        _ => "which is not read".to_owned(),
+    };
+    format!("{}, {part}", in_words(extents))
 }
 
 fn in_words(extents: &[usize]) -> String {

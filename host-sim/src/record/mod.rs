@@ -173,7 +173,7 @@ impl Record {
                 return Err(error.in_field(Field::Channel(info.column)));
             }
             if first.is_none() && info.required && info.channel != Channel::Time {
-                let expected = info.column.to_owned();
+                let expected = vec![info.column.to_owned()];
                 return fail(Problem::Missing { expected, present, hint: None });
             }
         }

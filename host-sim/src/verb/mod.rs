@@ -158,7 +158,7 @@ fn check_inputs(rig: &Rig, record: &Record) -> Result<(), Failure> {
     }
     let columns = record.channels().map(|(channel, _)| channel.info().column.to_owned());
     let problem = Problem::Missing {
-        expected: Channel::Drive.info().column.to_owned(),
+        expected: vec![Channel::Drive.info().column.to_owned()],
         present: columns.collect(),
         hint: Some(format!(
             "the rig `{}` is driven by a force, and has no [controller] that gives it",

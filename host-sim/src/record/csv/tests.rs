@@ -141,7 +141,7 @@ fn a_separator_may_be_declared() {
     // More commas than semicolons in the header.
     let header = "t_s;command_m;lvdt_m;note, with, three, commas";
     let body = text(header, plain).replace('\n', ";-\n").replacen(";-\n", "\n", 1);
-    assert!(message(&body, &[], None).contains("is missing"));
+    assert!(message(&body, &[], None).contains("are missing"));
     for first in ["sep=;", "\u{feff}sep=;", "\"sep=;\"", "# by hand\n\nSEP=;"] {
         let Loaded { record, .. } = parse(&format!("{first}\n{body}"), &[], None).expect(first);
         assert!(is_motion(&record), "{first}");
@@ -238,8 +238,8 @@ fn lines_of_the_logger_above_the_names_are_skipped() {
     let named = format!("{above}{}", text("Zeit;Soll;Ist\ns;m;m", plain));
     assert_eq!(
         message(&named, &[], None),
-        "run.csv:6: `t_s` is missing: found `Zeit`, `Soll`, `Ist`; map one: `--columns 't_s=NAME'`, or give the sampling \
-         rate: `--rate HZ`"
+        "run.csv:6: `t_s`, `command_m`, `lvdt_m` are missing: found `Zeit`, `Soll`, `Ist`; map them: \
+         `--columns 't_s=NAME,command_m=NAME,lvdt_m=NAME'`, or give the sampling rate: `--rate HZ`"
     );
     let mapped = parse(&named, &["t_s=Zeit", "command_m=Soll", "lvdt_m=Ist"], None).expect("valid");
     assert!(is_motion(&mapped.record));
@@ -248,7 +248,10 @@ fn lines_of_the_logger_above_the_names_are_skipped() {
     assert!(is_motion(&parse(&declared, &[], None).expect("valid").record));
     // The first hundred lines are looked at.
     let far = format!("{}{}", "a line\n".repeat(120), text(HEADER, plain));
-    assert!(message(&far, &[], None).starts_with("run.csv:1: `t_s` is missing: found `a line`"));
+    assert!(
+        message(&far, &[], None)
+            .starts_with("run.csv:1: `t_s`, `command_m`, `lvdt_m` are missing: found `a line`")
+    );
 }
 
 #[test]
@@ -407,12 +410,12 @@ fn names_are_found_with_and_without_a_space_before_the_unit() {
     assert_eq!(
         message(&text, &["t_s=Ziet[ms]", "command_m=Soll[mm]", "lvdt_m=Ist[mm]"], None),
         "run.csv:1: `t_s=Ziet[ms]` is missing: found `Zeit [ms]`, `Soll`, `Ist`; did you mean \
-         `--columns 't_s=Zeit [ms]'`?"
+         `--columns 't_s=Zeit [ms],command_m=Soll[mm],lvdt_m=Ist[mm]'`?"
     );
     assert_eq!(
         message(&text, &["command_m=Soll[mm]", "lvdt_m=Ist[mm]"], None),
-        "run.csv:1: `t_s` is missing: found `Zeit [ms]`, `Soll`, `Ist`; map one: `--columns 't_s=NAME'`, or give the \
-         sampling rate: `--rate HZ`"
+        "run.csv:1: `t_s` is missing: found `Zeit [ms]`, `Soll`, `Ist`; map one: \
+         `--columns 't_s=NAME,command_m=Soll[mm],lvdt_m=Ist[mm]'`, or give the sampling rate: `--rate HZ`"
     );
 }
 
