@@ -36,6 +36,9 @@ struct RigFile {
     effect: Option<Vec<EffectTable>>,
 }
 
+/// The lists of tables among the entries of a [`RigFile`].
+const LISTS: [&str; 3] = ["fault", "free", "effect"];
+
 #[derive(Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 struct ModelTable {
@@ -195,7 +198,8 @@ pub fn read(path: &Path) -> Result<Rig, Failure> {
 }
 
 fn parse(text: &str) -> Result<Rig, Failure> {
-    let file: RigFile = toml::from_str(text).map_err(|error| Failure::usage(error.to_string()))?;
+    let file: RigFile = toml::from_str(text)
+        .map_err(|error| Failure::usage(list_as_table(text).unwrap_or_else(|| error.to_string())))?;
     let base = file.base.as_deref().unwrap_or(BUILT_IN[0].name);
     let Some(built_in) = BUILT_IN.iter().find(|built_in| built_in.name == base) else {
         return Err(Failure::usage(unknown("base rig", base, BUILT_IN.iter().map(|built_in| built_in.name))));
@@ -272,6 +276,16 @@ fn parse(text: &str) -> Result<Rig, Failure> {
         )));
     }
     Ok(rig)
+}
+
+/// Says of a list that is headed as a single table how it is headed; none where each is.
+fn list_as_table(text: &str) -> Option<String> {
+    LISTS.into_iter().find_map(|name| {
+        let head = format!("[{name}]");
+        let is_head = |line: &str| line.split('#').next().is_some_and(|line| line.trim() == head);
+        let line = 1 + text.lines().position(is_head)?;
+        Some(format!("line {line}: found {head}, expected [{head}] above each of them"))
+    })
 }
 
 fn ranges(tables: Vec<RangeTable>) -> Result<Vec<Range>, Failure> {
@@ -462,6 +476,15 @@ mod tests {
             ("[[effect]]\nname = \"sensor-of\"", "did you mean `sensor-offset`?"),
             ("[model]\nvalve = \"third-order\"", "unknown variant `third-order`"),
             ("[modle]\n", "unknown field `modle`"),
+            (
+                "[model]\n[fault] # worn\nname = \"fdj\"\nlower = 1.0\nupper = 9.0",
+                "line 2: found [fault], expected [[fault]] above each of them",
+            ),
+            (
+                "[free]\nname = \"GM\"\n[free]\nname = \"fdj\"",
+                "line 1: found [free], expected [[free]] above each of them",
+            ),
+            ("[effect]\nname = \"leakage\"", "line 1: found [effect], expected [[effect]]"),
             (
                 "[calibration]\nparameters = [\"GM\"]\nstandard-errors = [1.0, 2.0]",
                 "[calibration] standard-errors: expected 1 numbers, none of them negative",
