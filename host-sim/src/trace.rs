@@ -12,6 +12,9 @@ use std::path::Path;
 /// Name of a trace in the output directory.
 pub const TRACE_FILE: &str = "trace.csv";
 
+/// The column of the numbers of the records, which are whole.
+const RECORD: &str = "record";
+
 /// Columns of equal length, each with its name; NaN is a blank cell, or a null.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trace {
@@ -35,7 +38,7 @@ impl Trace {
             |record: &Record| (0..record.len()).map(|sample| record.time_s(sample)).collect::<Vec<_>>();
         let numbers =
             records.iter().enumerate().map(|(index, record)| vec![(index + 1) as f64; record.len()]);
-        trace.columns.push(("record".to_owned(), numbers.flatten().collect()));
+        trace.columns.push((RECORD.to_owned(), numbers.flatten().collect()));
         trace
             .columns
             .push((Channel::Time.info().column.to_owned(), records.iter().flat_map(times).collect()));
@@ -89,9 +92,10 @@ impl Trace {
         writer.write_record(self.columns.iter().map(|(name, _)| name)).map_err(Failure::other)?;
         let rows = self.columns.first().map_or(0, |(_, values)| values.len());
         for row in 0..rows {
-            let cells = self.columns.iter().map(|(_, values)| {
-                let value = values[row];
-                if value.is_nan() { String::new() } else { format!("{value:?}") }
+            let cells = self.columns.iter().map(|(name, values)| match values[row] {
+                value if value.is_nan() => String::new(),
+                number if name == RECORD => number.to_string(),
+                value => format!("{value:?}"),
             });
             writer.write_record(cells).map_err(Failure::other)?;
         }

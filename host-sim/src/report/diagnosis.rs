@@ -44,9 +44,9 @@ pub(crate) const PARTS: [&str; 2] = ["fitted records", "held-out records"];
 pub(crate) const FITTED: &str = "fitted";
 pub(crate) const HELD_OUT: &str = "held out";
 
-/// Name of a record of one of the parts.
-pub(crate) fn name_of(path: &str, part: &str) -> String {
-    let name = short_name(path);
+/// Name of a record, of several, that is in one of the parts.
+pub(crate) fn name_of(names: &[String], index: usize, part: &str) -> String {
+    let name = short_name(names, index);
     if name.contains(part) { name } else { format!("{name} ({part})") }
 }
 
@@ -68,7 +68,7 @@ pub(crate) fn diagnosis(case: &Diagnosed<'_>) -> String {
             let outputs = [&held_out[0][index], &held_out[1][index]];
             (&case.holdout[index], &holdout[index], case.train.len(), outputs.map(Vec::as_slice))
         };
-        let name = case.names.get(offset + index).map_or_else(String::new, |name| name_of(name, part));
+        let name = name_of(case.names, offset + index, part);
         let mut models = vec![(Role::Before, "before", outputs[0])];
         if changed {
             models.push((Role::After, "after", outputs[1]));
@@ -230,9 +230,9 @@ fn found(case: &Diagnosed<'_>) -> Markup {
 }
 
 fn left_title(case: &Diagnosed<'_>, left: &Description) -> String {
-    match case.names.get(left.record).filter(|_| case.train.len() > 1) {
-        Some(name) => format!("What is left of {}, and when", name_of(name, FITTED)),
-        None => "What is left, and when".to_owned(),
+    match case.train.len() {
+        1 => "What is left, and when".to_owned(),
+        _ => format!("What is left of {}, and when", name_of(case.names, left.record, FITTED)),
     }
 }
 

@@ -47,9 +47,10 @@ pub(crate) fn identification(result: &Identified<'_>) -> String {
         .records
         .iter()
         .zip(result.prepared)
-        .zip(result.names.iter().zip(&fit.predictions))
-        .map(|((record, prepared), (name, outputs))| Compared {
-            name: short_name(name),
+        .zip(&fit.predictions)
+        .enumerate()
+        .map(|(index, ((record, prepared), outputs))| Compared {
+            name: short_name(result.names, index),
             record,
             prepared,
             models: vec![(Role::Model, "model", outputs.as_slice())],

@@ -18,7 +18,8 @@ use serde_json::Value;
 
 /// The report of what records are worth, as an HTML file.
 pub(crate) fn inspection(ranges: &[Range], all: &[Inspection], config: &Value) -> String {
-    let names: Vec<String> = all.iter().map(|one| short_name(one.record.name())).collect();
+    let paths: Vec<String> = all.iter().map(|one| one.record.name().to_owned()).collect();
+    let names: Vec<String> = (0..paths.len()).map(|index| short_name(&paths, index)).collect();
     let tiles = match all {
         [one] => tiles(ranges, one),
         _ => all.iter().zip(&names).map(|(one, name)| tile(name, one)).collect(),

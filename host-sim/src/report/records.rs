@@ -8,6 +8,7 @@ use eha_monitor::channel::Channel;
 use eha_monitor::model::state::Outputs;
 use maud::{Markup, html};
 use std::ops::Range;
+use std::path::{Path, PathBuf};
 
 /// A record with what a model, or two, say of it.
 pub(super) struct Compared<'a> {
@@ -171,10 +172,47 @@ pub(super) fn records(all: &[Compared<'_>]) -> Markup {
 /// Records that are drawn.
 const MOST_RECORDS: usize = 6;
 
-/// A record's name without its folder and ending, but with its segment.
-pub(super) fn short_name(name: &str) -> String {
+/// The name of one of several records without its folder and ending, but with its segment. As many folders stay as tell it
+/// from the others, or all of its path where these do not.
+pub(crate) fn short_name(names: &[String], index: usize) -> String {
+    let name = &names[index];
+    let tells_apart = |depth: &usize| {
+        let end = end_of(name, *depth);
+        names.iter().all(|other| other == name || end_of(other, *depth) != end)
+    };
+    let depths = 1..=Path::new(name).components().count();
+    depths.into_iter().find(tells_apart).map_or_else(|| name.clone(), |depth| end_of(name, depth))
+}
+
+/// The last parts of a path, so many at most, without its ending but with its segment.
+fn end_of(name: &str, depth: usize) -> String {
     let (file, segment) = name.rsplit_once('@').map_or((name, None), |(file, segment)| (file, Some(segment)));
-    let path = std::path::Path::new(file);
-    let stem = path.file_stem().map_or_else(|| file.into(), std::ffi::OsStr::to_string_lossy);
-    segment.map_or_else(|| stem.to_string(), |segment| format!("{stem}@{segment}"))
+    let path = Path::new(file).with_extension("");
+    let before = path.components().count().saturating_sub(depth);
+    let end: PathBuf = path.components().skip(before).collect();
+    let end = end.display();
+    segment.map_or_else(|| end.to_string(), |segment| format!("{end}@{segment}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::short_name;
+
+    #[test]
+    fn records_of_one_stem_are_told_apart_by_their_folders() {
+        let short = |names: &[&str]| -> Vec<String> {
+            let names: Vec<String> = names.iter().map(ToString::to_string).collect();
+            (0..names.len()).map(|index| short_name(&names, index)).collect()
+        };
+        assert_eq!(short(&["a/rec.csv"]), ["rec"]);
+        assert_eq!(short(&["-"]), ["-"]);
+        assert_eq!(short(&["a/rec.csv", "b/rec.csv", "b/other.csv"]), ["a/rec", "b/rec", "other"]);
+        assert_eq!(short(&["x/1/run/rec.csv", "x/2/run/rec.csv"]), ["1/run/rec", "2/run/rec"]);
+        assert_eq!(short(&["rec.csv@..2", "rec.csv@3.."]), ["rec@..2", "rec@3.."]);
+        assert_eq!(short(&["a/rec.csv@..2", "b/rec.csv@..2"]), ["a/rec@..2", "b/rec@..2"]);
+        assert_eq!(short(&["rec.csv", "rec.mat"]), ["rec.csv", "rec.mat"]);
+        assert_eq!(short(&["rec.csv", "a/rec.csv"]), ["rec.csv", "a/rec"]);
+        // One that is there twice.
+        assert_eq!(short(&["a/rec.csv", "a/rec.csv"]), ["rec", "rec"]);
+    }
 }

@@ -14,7 +14,7 @@ use crate::interrupt;
 use crate::output;
 use crate::plant::{self, Excitation, Sensing};
 use crate::record::{Record, write_csv};
-use crate::report::{FITTED, HELD_OUT, name_of};
+use crate::report::{FITTED, HELD_OUT};
 use crate::rig::Rig;
 use eha_monitor::channel::Channel;
 use eha_monitor::parameter::Parameter;
@@ -75,7 +75,7 @@ pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
         })?;
     }
     let holdout = records.split_off(2);
-    let names = FLIGHTS.iter().map(|(command, role)| name_of(command, role)).collect();
+    let names = FLIGHTS.iter().map(|(command, role)| format!("{command} ({role})")).collect();
     let mut job =
         Job { common, rig, train: records, holdout, record_notes: Vec::new(), names, effort_s: None };
     let answer = job.run()?;

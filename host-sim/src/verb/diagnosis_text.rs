@@ -37,7 +37,7 @@ impl Job<'_> {
             text,
             "\nits residual over {start:.3} to {:.3} s of {}, from . (none) to @ ({}):",
             start + record.duration(),
-            name_of(&self.names[shown], part),
+            name_of(&self.names, shown, part),
             output::quantity(largest, "m"),
         );
         for (when, left) in ["before", "after"].into_iter().zip(&left) {
@@ -127,7 +127,7 @@ impl Job<'_> {
             let [from, to] = left.active;
             let of = match self.train.len() {
                 1 => String::new(),
-                _ => format!(" of {}", name_of(self.fitted_name(left.record), FITTED)),
+                _ => format!(" of {}", name_of(&self.names, left.record, FITTED)),
             };
             let _ = write!(text, "what is left{of}: half of its energy lies between {from:.3} and {to:.3} s");
             if let Some((name, correlation)) = left.follows {

@@ -162,6 +162,25 @@ fn a_trace_adds_up_and_parquet_says_the_same_as_csv() {
 }
 
 #[test]
+fn records_of_one_name_are_told_apart() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    for folder in ["a", "b"] {
+        std::fs::create_dir(bench.path(folder)).expect("a directory");
+        bench.write(&format!("{folder}/rec.csv"), &bench.read("record.csv"));
+    }
+    bench.run(&["identify", "a/rec.csv", "b/rec.csv", "--out", "ab"]).done();
+    let report = bench.read("ab/report.html");
+    assert!(report.contains("a/rec: ") && report.contains("b/rec: "), "{report}");
+    let trace = bench.read("ab/trace.csv");
+    let numbers: Vec<&str> = trace.lines().filter_map(|line| line.split(',').next()).collect();
+    assert_eq!((numbers[0], numbers[1], numbers[2002]), ("record", "1", "2"));
+    bench.run(&["check", "a/rec.csv", "b/rec.csv", "--out", "worth"]).done();
+    let report = bench.read("worth/report.html");
+    assert!(report.contains("a/rec") && !report.contains(">rec<"), "{report}");
+}
+
+#[test]
 fn a_damaged_parquet_file_is_refused() {
     let bench = Bench::new();
     bench.noisy_record();
