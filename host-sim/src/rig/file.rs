@@ -10,7 +10,7 @@ use crate::output::own_range;
 use eha_monitor::channel::ChannelRole;
 use eha_monitor::model::drive::Law;
 use eha_monitor::model::{Drive, Feedback, Form, ValveForm};
-use eha_monitor::parameter::Parameter;
+use eha_monitor::parameter::{Parameter, ParameterInfo};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -317,6 +317,16 @@ pub fn spelled(form: Form) -> (String, String, String) {
 
 /// The text of a rig file that [`read`] turns into the same rig, with each parameter's meaning beside it.
 pub fn write(rig: &Rig, comments: &[String]) -> String {
+    with_parameters(rig, comments, |_| None)
+}
+
+/// The same text to start from: the parameters that have the source's values are comments in it.
+pub fn write_whole(rig: &Rig, comments: &[String]) -> String {
+    with_parameters(rig, comments, |row| Some(format!("# {row}")))
+}
+
+/// The text of a rig file; `unchanged` makes a line of the row of a parameter that has the source's value, or leaves it out.
+fn with_parameters(rig: &Rig, comments: &[String], unchanged: fn(String) -> Option<String>) -> String {
     let mut text = String::new();
     for comment in comments {
         let _ = writeln!(text, "# {comment}");
@@ -348,10 +358,15 @@ pub fn write(rig: &Rig, comments: &[String]) -> String {
         }
     }
     let _ = writeln!(text, "\n[parameters]");
-    for (parameter, value) in rig.changed() {
-        let info = parameter.info();
-        let _ =
-            writeln!(text, "{} = {value:?} # {} {}, {}", info.name, info.symbol, info.unit, info.description);
+    for parameter in Parameter::all() {
+        let (info, value) = (parameter.info(), rig.parameters.get(parameter));
+        let ParameterInfo { name, symbol, description, .. } = info;
+        let symbol = if symbol.is_empty() { String::new() } else { format!("{symbol}, ") };
+        let row = format!("{name} = {value:?} # {symbol}{}, {description}", own_range(info));
+        let line = if value == info.default { unchanged(row) } else { Some(row) };
+        if let Some(line) = line {
+            let _ = writeln!(text, "{line}");
+        }
     }
     if !rig.calibration.is_empty() {
         let Calibration { parameters, standard_errors, correlation } = &rig.calibration;
@@ -393,7 +408,7 @@ pub fn write(rig: &Rig, comments: &[String]) -> String {
 mod tests {
     use super::*;
     use eha_monitor::effect::EFFECTS;
-    use eha_monitor::parameter::{PARAMETERS, ParameterInfo};
+    use eha_monitor::parameter::PARAMETERS;
 
     #[test]
     fn every_built_in_rig_survives_the_round_trip() {
@@ -417,8 +432,29 @@ mod tests {
                 // Not what a controller implies.
                 rig.drive_holds = false;
             }
-            let text = write(&rig, &["a comment".to_owned()]);
-            assert_eq!(parse(&text).unwrap(), rig, "{text}");
+            let comments = ["a comment".to_owned()];
+            let (text, whole) = (write(&rig, &comments), write_whole(&rig, &comments));
+            for text in [&text, &whole] {
+                assert_eq!(parse(text).unwrap(), rig, "{text}");
+            }
+            for info in PARAMETERS {
+                let is_there = |text: &str, start: &str| {
+                    text.lines().any(|line| line.starts_with(&format!("{start}{} = ", info.name)))
+                };
+                let is_changed = rig.parameters.get(info.parameter) != info.default;
+                assert_eq!(
+                    [is_there(&text, ""), is_there(&text, "# ")],
+                    [is_changed, false],
+                    "{}",
+                    info.name
+                );
+                assert_eq!(
+                    [is_there(&whole, ""), is_there(&whole, "# ")],
+                    [is_changed, !is_changed],
+                    "{}",
+                    info.name
+                );
+            }
         }
     }
 

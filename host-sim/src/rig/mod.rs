@@ -8,7 +8,7 @@ mod file;
 pub use builtin::{BUILT_IN, BuiltIn};
 pub use calibration::Calibration;
 pub use command_path::{CommandPath, Knots};
-pub use file::{read, spelled, write};
+pub use file::{read, spelled, write, write_whole};
 
 use crate::failure::Failure;
 use crate::output::own_range;

@@ -115,7 +115,7 @@ pub fn rigs(common: &Common, options: &RigsOptions) -> Result<(), Failure> {
                 "schema": SCHEMA, "config": output::config_json(common, &rig, &rig.free, &[]), "parameters": parameters,
             }));
         }
-        return output::print(rig::write(&rig, &[format!("rig `{name}`")]).trim_end());
+        return output::print(rig::write_whole(&rig, &[format!("rig `{name}`")]).trim_end());
     }
     if common.json {
         let list: Vec<Value> = BUILT_IN

@@ -136,6 +136,10 @@ fn the_rig_that_is_printed_is_accepted() {
     bench.noisy_record();
     for rig in ["eha", "servo-hydraulic", "force-axis"] {
         let text = bench.run(&["rigs", rig]).done().stdout;
+        assert!(
+            text.contains("flapper_damping = 0.6 # ZF, 0.05 to 5, damping ratio of the flapper\n"),
+            "{text}"
+        );
         bench.write("rig.toml", &text);
         let again = bench.run(&["rigs", "rig.toml"]).done().stdout;
         // The first line says where the rig comes from.
