@@ -4,7 +4,7 @@ use crate::failure::EXIT_CODES;
 use crate::shell_word;
 use crate::verb;
 use clap::builder::{PathBufValueParser, TypedValueParser};
-use clap::{Args, Parser, Subcommand, ValueHint};
+use clap::{Arg, Args, Command, Parser, Subcommand, ValueHint};
 use std::path::PathBuf;
 
 /// Health monitoring of electro-hydraulic actuators: faults, and the effects a model lacks, from LVDT records.
@@ -53,10 +53,18 @@ pub(crate) fn written_path() -> impl TypedValueParser<Value = PathBuf> {
     })
 }
 
-/// What to do.
+/// Options of every verb that one of them refuses: not in its help, and understood, so that the message says why.
+fn hidden(options: &'static [&'static str]) -> impl Iterator<Item = Arg> {
+    let common = Common::augment_args(Command::new(""));
+    let all: Vec<Arg> = common.get_arguments().cloned().collect();
+    all.into_iter().filter(|arg| options.contains(&arg.get_id().as_str())).map(|arg| arg.hide(true))
+}
+
+/// What to do. A verb hides what it refuses: see [`writes_files`](Self::writes_files) and [`takes_rig`](Self::takes_rig).
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
     /// The main job on an embedded example: faults from an actuator, and what the monitor's model lacks.
+    #[command(args = hidden(&["rig"]))]
     Demo(verb::demo::Options),
     /// Make a record: HF or LF model, command, faults, effects, sensor noise.
     Simulate(verb::simulate::Options),
@@ -72,22 +80,30 @@ pub(crate) enum Verb {
     /// The source's twelve cases: its result and ours.
     Reproduce(verb::reproduce::Options),
     /// The physical effects that a model can have.
+    #[command(args = hidden(&["rig", "out"]))]
     Effects,
     /// The test commands.
+    #[command(args = hidden(&["rig", "out"]))]
     Commands,
     /// The built-in rigs; with a name or file, everything in it.
+    #[command(args = hidden(&["rig", "out"]))]
     Rigs(verb::lists::RigsOptions),
     /// Convert a MAT (v5, v7.3), Parquet or foreign CSV file to a record.
+    #[command(args = hidden(&["rig"]))]
     Import(verb::import::Options),
     /// Hardware in the loop: samples to the firmware's monitor over a serial line, its estimates as they come. Builds the
     /// firmware from the sources that this program was built from.
+    #[command(args = hidden(&["out"]))]
     Hil(verb::hil::Options),
     /// What the firmware costs on the emulated boards, against its limits. Builds it from the sources that this program was
     /// built from.
+    #[command(args = hidden(&["rig", "out"]))]
     Budget(verb::budget::Options),
     /// Completions for a shell: `host-sim completions bash > /etc/bash_completion.d/host-sim`.
+    #[command(args = hidden(&["rig", "out"]))]
     Completions(verb::shell::CompletionsOptions),
     /// The manual page of the program or a verb; with `--out DIR`, all of them as files.
+    #[command(args = hidden(&["rig"]))]
     Man(verb::shell::ManOptions),
 }
 
@@ -145,7 +161,7 @@ pub(crate) fn command_line() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::{Arg, Command, CommandFactory};
+    use clap::CommandFactory;
     use std::any::TypeId;
 
     fn is_number(arg: &Arg) -> bool {
@@ -158,6 +174,27 @@ mod tests {
             TypeId::of::<usize>(),
         ];
         types.iter().any(|&number| parsed == number)
+    }
+
+    #[test]
+    fn a_verb_hides_the_options_that_it_refuses() {
+        let mut command = Cli::command();
+        command.build();
+        let mut verbs: Vec<&str> = command.get_subcommands().map(Command::get_name).collect();
+        verbs.retain(|verb| *verb != "help");
+        for verb in verbs {
+            let argument = match verb {
+                "check" | "identify" | "calibrate" | "diagnose" | "import" => Some("record.csv"),
+                "completions" => Some("bash"),
+                _ => None,
+            };
+            let parsed =
+                Cli::try_parse_from(["host-sim", verb].into_iter().chain(argument)).expect(verb).verb;
+            let arguments = || command.find_subcommand(verb).into_iter().flat_map(Command::get_arguments);
+            let shows = |option: &str| arguments().any(|arg| arg.get_id() == option && !arg.is_hide_set());
+            assert_eq!([shows("out"), shows("rig")], [parsed.writes_files(), parsed.takes_rig()], "{verb}");
+            assert!(shows("json"), "{verb}");
+        }
     }
 
     #[test]

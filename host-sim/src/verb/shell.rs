@@ -148,7 +148,7 @@ fn more_for_fish(command: &Command) -> String {
         };
         let takes_nothing = command.get_positionals().next().is_none();
         let none = takes_nothing.then(|| line("-f".to_owned()));
-        command.get_arguments().map(of_argument).chain(none).collect()
+        command.get_arguments().filter(|arg| !arg.is_hide_set()).map(of_argument).chain(none).collect()
     };
     let verbs = || command.get_subcommands().filter(|verb| verb.get_name() != "help");
     let using = format!("__fish_{}_using_subcommand", name.replace('-', "_"));

@@ -65,7 +65,7 @@ fn a_wrong_value_is_named_with_what_was_expected() {
         (&["simulate", "--command", "record.csv", "--duration", "2"], &["--duration", "record.csv is flown"]),
         (&["rigs", "--out", "x"], &["--out x", "writes no files"]),
         (&["effects", "--out", "x"], &["--out x"]),
-        (&["commands", "--out", "x"], &["--out x"]),
+        (&["--out", "x", "commands"], &["--out x"]),
         (&["import", "record.csv", "-o", "x.mat"], &["x.mat", ".csv or .parquet"]),
         (&["identify", "record.csv", "--trace", "x.txt"], &["x.txt", ".csv or .parquet"]),
         (
@@ -74,7 +74,7 @@ fn a_wrong_value_is_named_with_what_was_expected() {
         ),
         (&["demo", "--rig", "eha"], &["--rig eha: `demo` is about its own rig"]),
         (&["effects", "--rig", "nope"], &["--rig nope: this verb is about no rig, expected no such option"]),
-        (&["commands", "--rig", "eha"], &["this verb is about no rig"]),
+        (&["--rig", "eha", "commands"], &["this verb is about no rig"]),
         (&["budget", "--rig", "nope"], &["--rig nope: this verb is about no rig"]),
         (&["import", "record.csv", "--rig", "nope", "-o", "x.csv"], &["this verb is about no rig"]),
         (
