@@ -129,7 +129,9 @@ impl<T: Real + RealField, const GENES: usize, const SIZE: usize> Identification<
             return Progress::Done(reason);
         }
         if !self.has_begun {
-            steppers.iter_mut().for_each(|stepper| problem.turn_to_this_rig(stepper));
+            for stepper in steppers.iter_mut() {
+                problem.turn_to_this_rig(stepper);
+            }
             self.has_begun = true;
         }
         if self.search.counters().evaluations < self.next_finish && self.evaluations < self.settings.budget {

@@ -185,6 +185,20 @@ const DIGITS: f64 = 1e-8;
 /// The same, as a part of the difference.
 const RELATIVE: f64 = 1e-6;
 
+/// Most digits behind the point that are looked for.
+const DECIMALS: i32 = 12;
+
+/// The place of the last digit of values that are written with a fixed number of them behind the point; 0 where they are not.
+fn last_digit(values: &[f64]) -> f64 {
+    let is_whole = |scale: f64| {
+        let scaled = values.iter().filter(|value| value.is_finite()).map(|value| value * scale);
+        scaled.into_iter().all(|value| (value - value.round()).abs() < DIGITS * value.abs().max(1.0))
+    };
+    (0..=DECIMALS)
+        .find(|&digits| is_whole(10.0_f64.powi(digits)))
+        .map_or(0.0, |digits| 10.0_f64.powi(-digits))
+}
+
 /// The step in which a series is quantised; 0 where it is not (fewer than nine in ten of its differences are whole numbers
 /// of one). Small differences tell the step roughly, and larger ones then better: the numbers of a file are rounded.
 pub fn quantum(values: &[f64]) -> f64 {
@@ -203,8 +217,8 @@ pub fn quantum(values: &[f64]) -> f64 {
         }
     }
     let quantum = way / count;
-    let is_whole =
-        |step: f64| off(step, quantum) < (RELATIVE * step).max(DIGITS * largest).min(0.01 * quantum);
+    let rounded = last_digit(values).max(DIGITS * largest);
+    let is_whole = |step: f64| off(step, quantum) < (RELATIVE * step).max(rounded).min(0.01 * quantum);
     let whole = steps.iter().filter(|&&step| is_whole(step)).count();
     if whole * 10 > steps.len() * 9 { quantum } else { 0.0 }
 }
@@ -408,6 +422,19 @@ mod tests {
             let values: Vec<f64> = exact.iter().map(written).collect();
             let found = quantum(&values);
             assert!((found / step - 1.0).abs() < 1e-4, "{digits} digits: {found}");
+        }
+        // A step that is no whole number of the last digit, behind the point.
+        for (step, decimals) in [(16.730_2e-6, 9), (16.730_2e-6, 8), (4.387e-6, 9), (1.234_56e-6, 10)] {
+            let written =
+                |value: &f64| format!("{:.decimals$}", (value / step).round() * step).parse().unwrap();
+            let values: Vec<f64> = exact.iter().map(written).collect();
+            let found = quantum(&values);
+            assert!((found / step - 1.0).abs() < 1e-3, "{step} in {decimals} decimals: {found}");
+            // Numbers that are written so are in steps of their last digit, if of any.
+            let fine: Vec<f64> =
+                exact.iter().map(|value| format!("{value:.decimals$}").parse().unwrap()).collect();
+            let found = quantum(&fine);
+            assert!(found < 1.5 * 10.0_f64.powi(-(decimals as i32)), "{decimals} decimals: {found}");
         }
     }
 
