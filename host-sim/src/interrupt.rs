@@ -1,8 +1,11 @@
 //! Ctrl-C, or the signal to terminate: a search ends at its next step, and what it has found so far is the result.
+//!
+//! Work of many steps, of which half is worth nothing, is left where it is (see [`leave`]).
 
 use crate::failure::Failure;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
+use std::panic::{self, AssertUnwindSafe};
 use std::process;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -41,6 +44,23 @@ pub fn requested() -> bool {
     REQUESTED.load(Ordering::Relaxed)
 }
 
+/// Why work unwinds: it was left.
+struct Left;
+
+/// Leaves the work that [`unless_left`] does: it unwinds from here, whichever of its threads this is.
+pub fn leave() -> ! {
+    panic::resume_unwind(Box::new(Left))
+}
+
+/// Does some work; none where it was left. What it has kept elsewhere by then is all that there is of it.
+pub fn unless_left<T>(work: impl FnOnce() -> T) -> Option<T> {
+    match panic::catch_unwind(AssertUnwindSafe(work)) {
+        Ok(done) => Some(done),
+        Err(reason) if reason.is::<Left>() => None,
+        Err(reason) => panic::resume_unwind(reason),
+    }
+}
+
 /// A result that was found before the end of its search is no success.
 ///
 /// # Errors
@@ -50,4 +70,23 @@ pub fn check() -> Result<(), Failure> {
         return Err(Failure::interrupted("interrupted: the result is what was found so far"));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{leave, unless_left};
+    use rayon::prelude::*;
+
+    #[test]
+    fn work_is_left_from_whichever_thread_and_a_panic_is_none_of_that() {
+        let work = |left: Option<usize>| -> Option<usize> {
+            let one = |index: usize| if left == Some(index) { leave() } else { index };
+            unless_left(|| (0..100).into_par_iter().map(one).sum())
+        };
+        assert_eq!(work(None), Some(4950));
+        assert_eq!(work(Some(70)), None);
+        let panicked =
+            std::panic::catch_unwind(|| unless_left(|| std::panic::resume_unwind(Box::new("broken"))));
+        assert!(panicked.is_err());
+    }
 }

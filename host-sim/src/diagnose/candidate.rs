@@ -3,7 +3,6 @@
 use super::place::{self, Place};
 use super::signature::Signatures;
 use crate::fit::{self, FitSettings, Polished, Prepared};
-use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::identify::within_noise;
@@ -173,7 +172,7 @@ impl Candidate {
     pub(super) fn or_of_another_size(self, rig: &Rig, records: &[Prepared], steps: u32) -> Self {
         let mut best = self;
         for _ in 0..MOST_RESIZED {
-            if best.explains() || interrupt::requested() {
+            if best.explains() {
                 break;
             }
             let resized =
@@ -230,7 +229,6 @@ pub(super) fn searched(
     };
     let (ranges, found) = place::spans(effect, rig, records)
         .into_par_iter()
-        .filter(|_| !interrupt::requested())
         .map(search)
         .filter(|(_, found)| found.misfit.chi_square < bound)
         .min_by(|(_, a), (_, b)| a.misfit.chi_square.total_cmp(&b.misfit.chi_square))?;

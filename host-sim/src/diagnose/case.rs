@@ -5,9 +5,9 @@ use super::jumps::Timed;
 use super::progress::Progress;
 use super::residual::{self, ChannelResidual, MEASURED};
 use super::search::{Rival, Suggested};
+use super::so_far::SoFar;
 use crate::fit::measured::PRESSURE;
 use crate::fit::{self, Prepared, Reading, Steps};
-use crate::interrupt;
 use crate::rig::Rig;
 use eha_monitor::channel::Channel;
 use eha_monitor::model::Drive;
@@ -53,6 +53,8 @@ pub struct Case<'a> {
     pub effort_s: f64,
     /// Whether that was not enough.
     pub(super) cut: Option<&'a AtomicBool>,
+    /// Where it keeps what it has found.
+    pub(super) so_far: Option<&'a SoFar>,
     /// Whom it tells where it stands.
     pub(super) progress: Progress<'a>,
 }
@@ -123,18 +125,19 @@ impl<'a> Case<'a> {
             searches_far: true,
             effort_s: usual_effort_s(&records[..fitted]),
             cut: None,
+            so_far: None,
             progress: Progress::SILENT,
         }
     }
 
-    /// Is the search to end, because the user wants it to or its effort is used up? For what is done by one thread: what
-    /// others spend meanwhile differs from run to run.
+    /// Is the search to end, because its effort is used up? For what is done by one thread: what others spend meanwhile
+    /// differs from run to run.
     pub(super) fn is_over(&self) -> bool {
         let is_used_up = fit::spent_s(self.records) > self.effort_s;
         if let Some(cut) = self.cut.filter(|_| is_used_up) {
             cut.store(true, Ordering::Relaxed);
         }
-        is_used_up || interrupt::requested()
+        is_used_up
     }
 
     /// Records that are fitted.

@@ -118,6 +118,17 @@ pub(super) struct Open {
     pub(super) confounded: Vec<Vec<&'static EffectInfo>>,
 }
 
+impl Open {
+    /// Nothing was asked of what so many effects leave open.
+    pub(super) fn unasked(case: &Case<'_>, effects: usize) -> Self {
+        Self {
+            named: false,
+            stand_ins: vec![Vec::new(); effects],
+            confounded: vec![Vec::new(); case.rig.faults.len()],
+        }
+    }
+}
+
 /// Puts the answer together.
 pub(super) fn conclude(
     case: &Case<'_>,

@@ -76,8 +76,8 @@ pub struct Fault {
 /// Why a search ended early.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Early {
-    /// The user wanted it to.
-    Interrupted,
+    /// The user wanted it to, when it had come so far.
+    Interrupted(Reached),
     /// Its effort was used up.
     OutOfEffort,
 }
@@ -86,8 +86,42 @@ impl Early {
     /// For a person.
     pub const fn in_words(self) -> &'static str {
         match self {
-            Self::Interrupted => "interrupted",
+            Self::Interrupted(_) => "interrupted",
             Self::OutOfEffort => "out of effort",
+        }
+    }
+}
+
+/// How far a diagnosis had come that the user ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reached {
+    /// Into the search for the declared faults.
+    Search,
+    /// To a fit of the declared faults to the fitted records.
+    Declared,
+    /// To models that were tried.
+    Models,
+    /// To an answer, in place of which others were looked for.
+    Answer,
+}
+
+impl Reached {
+    /// What that leaves out, for a person, beside effects.
+    pub const fn left_out(self) -> Option<&'static str> {
+        match self {
+            Self::Search => Some(
+                "the search for the declared faults had not ended: these are the best values that it has seen, and their \
+                 intervals say nothing yet; the held-out records had no say",
+            ),
+            Self::Declared => Some(
+                "the declared faults are those of the fitted records: the held-out ones had no say, and the intervals may be too \
+                 narrow",
+            ),
+            Self::Models => Some(
+                "it was not looked for what could stand in for an effect or is mixed up with a fault, and the intervals may be too \
+                 narrow",
+            ),
+            Self::Answer => None,
         }
     }
 }
@@ -139,6 +173,19 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
+    /// How far it had come, if the user ended it.
+    pub fn interrupted_at(&self) -> Option<Reached> {
+        match self.early? {
+            Early::Interrupted(reached) => Some(reached),
+            Early::OutOfEffort => None,
+        }
+    }
+
+    /// The same, ended by the user.
+    pub(super) fn interrupted(self, reached: Reached) -> Self {
+        Self { early: Some(Early::Interrupted(reached)), ..self }
+    }
+
     /// Is more than noise left, so that the records do not speak for how they were read?
     pub fn is_unexplained(&self) -> bool {
         self.verdict == Verdict::Unexplained
@@ -146,7 +193,7 @@ impl Diagnosis {
 
     /// The verdict for a person. What explains the records does so whatever was not tried for want of effort.
     pub fn verdict_in_words(&self) -> String {
-        let is_open = |early: &Early| *early == Early::Interrupted || self.is_unexplained();
+        let is_open = |early: &Early| matches!(early, Early::Interrupted(_)) || self.is_unexplained();
         let early = self.early.filter(is_open);
         let so_far = early.map_or_else(String::new, |early| format!(" so far ({})", early.in_words()));
         format!("{}{so_far}", self.verdict.name())

@@ -8,7 +8,6 @@ use super::place::Place;
 use super::residual::MEASURED;
 use super::signature::Signatures;
 use crate::fit::{self, Estimate, Prepared, Reading, TOLD_APART};
-use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::EFFECTS;
 use eha_monitor::parameter::{PARAMETERS, Parameter};
@@ -99,9 +98,6 @@ fn open_to_doubt(rig: &Rig) -> Vec<Parameter> {
 /// A parameter fitted beside what is declared, with its chi-square, if that leaves noise of all records and asks for another
 /// value than the rig has.
 fn doubted(case: &Case<'_>, parameter: Parameter) -> Option<(f64, Doubt)> {
-    if interrupt::requested() {
-        return None;
-    }
     let rig = case.rig;
     let stated = rig.parameters.get(parameter);
     let range = Range::around(parameter, stated, WRONG_BY * stated.abs());

@@ -9,7 +9,6 @@ use super::search::{BEAM, GROWING_SHARE};
 use super::timing::Timing;
 use super::weighing::Earned;
 use crate::fit::{self, BETTER_VALLEY, FitSettings, Polished, TOLD_APART};
-use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::fit::identify::within_noise;
@@ -67,7 +66,6 @@ impl Hypothesis {
         case.progress.expect(near.len());
         let mut candidates: Vec<Candidate> = near
             .into_par_iter()
-            .filter(|_| !interrupt::requested())
             .filter_map(|near| case.told(near.finished(&self.rig, case.train())))
             .collect();
         candidates.sort_by(candidate::lower);
@@ -111,13 +109,12 @@ impl Hypothesis {
         case.progress.expect(promising.len());
         let near: Vec<Candidate> = promising
             .into_par_iter()
-            .filter(|_| !interrupt::requested())
             .filter_map(|prospect| case.told(prospect.approach(rig, train, others, FEW_STEPS)))
             .collect();
         if !near.iter().any(Candidate::explains) {
             case.progress.expect(near.len());
             let further = |near: Candidate| case.told(near.further(rig, train, MANY_STEPS));
-            near.into_par_iter().filter(|_| !interrupt::requested()).filter_map(further).collect()
+            near.into_par_iter().filter_map(further).collect()
         } else if others.is_empty() {
             near
         } else {

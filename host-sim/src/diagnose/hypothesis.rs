@@ -7,7 +7,6 @@ use super::residual;
 use super::signature::Signatures;
 use super::trade::Trade;
 use crate::fit::{self, BETTER_VALLEY, Estimate, Fit, Polished, Prepared, TOLD_APART, Valley};
-use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::fit::identify::within_noise;
@@ -286,9 +285,7 @@ impl Hypothesis {
     /// What the linear model says of every effect that is not in the model yet; the fitted records are those that the
     /// model was made with.
     pub(super) fn prospects(&self, case: &Case<'_>) -> &[Prospect] {
-        let applies = |effect: &&'static EffectInfo| {
-            !interrupt::requested() && candidate::applies(effect, &self.rig, &self.ranges)
-        };
+        let applies = |effect: &&'static EffectInfo| candidate::applies(effect, &self.rig, &self.ranges);
         self.prospects.get().unwrap_or_else(|| {
             let signatures = Signatures::new(&self.rig, &self.ranges, case.train());
             let look = |effect| candidate::look(effect, &self.rig, &self.ranges, case.train(), &signatures);

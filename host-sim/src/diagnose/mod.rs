@@ -49,21 +49,22 @@ mod ripple;
 mod search;
 mod side;
 mod signature;
+mod so_far;
 mod timing;
 mod trade;
 mod weighing;
 
 pub use case::{Case, EFFORT_BOUNDS_S, EFFORT_PER_SECOND};
-pub use diagnosis::{Diagnosis, Early, Fault, Found, Score, Verdict, score};
+pub use diagnosis::{Diagnosis, Early, Fault, Found, Reached, Score, Verdict, score};
 pub use doubt::Doubt;
 pub use side::Side;
 
-use crate::fit::{self, FitSettings, Prepared};
-use crate::interrupt;
+use crate::fit::{self, Fit, FitSettings, Prepared};
 use between::{Between, Jumping};
 use progress::{Log, Progress, Watch};
-use readings::{diagnose_held, diagnose_in_noise};
+use readings::{DECLARED, Declared, ROOT_SEEDS, diagnose_beside, diagnose_held, diagnose_in_noise};
 use residual::MEASURED;
+use so_far::SoFar;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Share of a diagnosis in which jumps between samples are timed first, and most of its effort that this may take.
@@ -75,35 +76,43 @@ pub fn diagnose(case: &Case<'_>, settings: &FitSettings, watch: Watch<'_>) -> Di
     let log = Log::new(watch);
     let cut = AtomicBool::new(false);
     let case = Case { progress: Progress::of(&log), cut: Some(&cut), ..*case };
-    let diagnosis = in_each_way(&case, settings);
-    let early = if interrupt::requested() {
-        Some(Early::Interrupted)
-    } else {
-        cut.load(Ordering::Relaxed).then_some(Early::OutOfEffort)
-    };
-    let doubts = if diagnosis.verdict == Verdict::Adequate || interrupt::requested() {
-        Vec::new()
-    } else {
-        case.progress.begin("looking at the rig's own parameters", [0.99, 1.0]);
-        doubt::doubts(&case, &diagnosis)
-    };
-    Diagnosis { early, doubts, ..diagnosis }
+    case.progress.begin(DECLARED, [0.0, TIMING]);
+    let declared = Declared::fit(&case, case.train(), settings, ROOT_SEEDS);
+    let so_far = SoFar::new(declared.clone());
+    let kept = Case { so_far: Some(&so_far), ..case.part([0.0, 1.0], "") };
+    let ended = fit::unless_interrupted(case.records, || {
+        let diagnosis = in_each_way(&kept, declared, settings);
+        kept.keep_answer(&diagnosis);
+        let doubts = if diagnosis.verdict == Verdict::Adequate {
+            Vec::new()
+        } else {
+            case.progress.begin("looking at the rig's own parameters", [0.99, 1.0]);
+            doubt::doubts(&case, &diagnosis)
+        };
+        let early = cut.load(Ordering::Relaxed).then_some(Early::OutOfEffort);
+        Diagnosis { early, doubts, ..diagnosis }
+    });
+    ended.unwrap_or_else(|| so_far.concluded(&case))
 }
 
 /// Commands are taken to jump at samples, and noise for white, first. Jumps between two samples may be the truth; where
 /// something is left, noise that is coloured, as its spectrum where no actuator follows tells. What explains more is the
 /// answer.
-fn in_each_way(case: &Case<'_>, settings: &FitSettings) -> Diagnosis {
-    let timing = Case { effort_s: TIMING_EFFORT * case.effort_s, cut: None, ..case.part([0.0, TIMING], "") };
+fn in_each_way(case: &Case<'_>, declared: Fit, settings: &FitSettings) -> Diagnosis {
+    let effort_s = fit::spent_s(case.records) + TIMING_EFFORT * case.effort_s;
+    let timing = Case { effort_s, cut: None, ..case.part([0.0, TIMING], "").unkept() };
     let jumping = Jumping::of(&timing, settings);
     let rival = jumping.as_ref().and_then(|jumping| jumping.rival);
     let timed_first = if jumping.is_some() { TIMING } else { 0.0 };
     let suggested = jumping.as_ref().and_then(Jumping::suggested);
-    let answer =
-        diagnose_in_noise(&Case { rival, suggested, ..case.part([timed_first, 0.65], "") }, settings);
+    let here = Case { rival, suggested, ..case.part([timed_first, 0.65], "") };
+    let declared = Declared::of_fit(&here, declared, settings, ROOT_SEEDS);
+    let answer = diagnose_beside(&here, declared, settings);
     if case.is_over() {
         return answer.diagnosis;
     }
+    case.keep_answer(&answer.diagnosis);
+    let case = &case.unkept();
     if let Some(held) = diagnose_held(&case.part([0.65, 0.7], ""), &answer, settings) {
         return held.diagnosis;
     }

@@ -10,7 +10,6 @@ use super::hypothesis::Hypothesis;
 use super::place::{self, Place};
 use super::search::BEAM;
 use crate::fit::{self, FitSettings, Prepared};
-use crate::interrupt;
 use crate::rig::Range;
 use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::fit::identify::within_noise;
@@ -63,7 +62,7 @@ impl Followed {
 
     /// Fitted beside a model from each moment to the next, if it explains the first, as long as it explains these, or nearly.
     fn on(mut self, model: &Hypothesis, moments: &[Vec<Prepared>]) -> Self {
-        while self.may_go_on() && self.moment + 1 < moments.len() && !interrupt::requested() {
+        while self.may_go_on() && self.moment + 1 < moments.len() {
             let after = |stride: usize| {
                 let moment = (self.moment + stride).min(moments.len() - 1);
                 Some(Self::at(moment, self.there.clone().finished(&model.rig, &moments[moment])?))
@@ -226,7 +225,6 @@ impl Hypothesis {
         };
         let mut rough: Vec<Candidate> = place::spans_of_moments(effect, &self.rig, moments)
             .into_par_iter()
-            .filter(|_| !interrupt::requested())
             .map(|span| searched([declared, &span].concat(), budget / SIEVE))
             .collect();
         rough.sort_by(candidate::lower);

@@ -9,7 +9,7 @@ use super::search::{
     self, Class, ExplainedElsewhere, Explanation, FirstRound, Known, MOST_EFFECTS, Suggested,
 };
 use super::weighing::Earned;
-use crate::fit::{self, BETTER_VALLEY, Fit, FitSettings, Polished, Reading, TOLD_APART};
+use crate::fit::{self, BETTER_VALLEY, Fit, FitSettings, Polished, Prepared, Reading, TOLD_APART};
 use crate::rig::{CommandPath, Rig};
 use eha_monitor::effect::EffectInfo;
 use eha_monitor::fit::problem::Misfit;
@@ -26,10 +26,12 @@ const FAR_BEHIND: f64 = 4.0;
 /// to be those of the other: a quarter of its swing.
 const NEARLY_SAME: f64 = 1.0 / 16.0;
 /// Seeds from which the declared faults are fitted where the first leaves more than noise.
-const ROOT_SEEDS: u64 = 8;
+pub(super) const ROOT_SEEDS: u64 = 8;
 /// Effects of which as many are tried in other readings where that many leave more than noise in the likeliest one: this was
 /// chosen by what one effect makes of each.
 const EFFECTS_ELSEWHERE: usize = 2;
+/// What is told while the declared faults are fitted.
+pub(super) const DECLARED: &str = "fitting the declared faults";
 /// What is told of a reading in which a computer holds the command from sample to sample.
 const HELD: &str = ", command held";
 
@@ -96,8 +98,15 @@ impl Answer {
 /// that one leaves no less. Where another one makes a difference to what is found in the one that is taken, and may be it as
 /// well, it is tried too; also where nothing explains the records, and one effect leaves less of them in the other.
 pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answer {
-    case.progress.begin("fitting the declared faults", [0.0, 0.05]);
-    let own = Read::of(case, settings);
+    case.progress.begin(DECLARED, [0.0, 0.05]);
+    diagnose_beside(case, Declared::of(case, settings), settings)
+}
+
+/// The same where the declared faults are fitted in the reading of the case.
+pub(super) fn diagnose_beside(case: &Case<'_>, declared: Declared, settings: &FitSettings) -> Answer {
+    case.progress.begin(DECLARED, [0.0, 0.05]);
+    let own = Read { case, declared };
+    own.keep_root();
     let readings = Reading::all(case.rig, case.records);
     let cases: Vec<Case<'_>> = readings.iter().map(|reading| case.read_as(reading, "")).collect();
     let differs = |other: &&Case<'_>| readings_apart(&own.declared.root.rig, case, other) > NO_DIFFERENCE;
@@ -106,7 +115,9 @@ pub(super) fn diagnose_in_noise(case: &Case<'_>, settings: &FitSettings) -> Answ
     let mut read: Vec<Read<'_>> = iter::once(own).chain(others).collect();
     let misfits: Vec<Misfit<f64>> = read.iter().map(Read::misfit).collect();
     let mut likeliest = fit::speaks_for(&misfits);
+    read[likeliest].keep_root();
     let first = read[likeliest].begun();
+    read[likeliest].case.keep_models(first.models());
     let is_settled = case.rival.is_some_and(|rival| rival.settles(first));
     let (held, held_case);
     if !first.leaves_noise && !case.is_over() {
@@ -149,6 +160,7 @@ fn answered(case: &Case<'_>, mut read: Vec<Read<'_>>, likeliest: usize, settings
             }
         }
     };
+    case.keep_answer(&answer.diagnosis);
     or_in_another(case, answer, here.case, read, settings)
 }
 
@@ -191,7 +203,7 @@ fn or_in_another(
     let Elsewhere { moved, is_open, case: there, declared } = there;
     let explanation = (!is_unexplained).then_some(&*explanation);
     let suggested = is_open.then_some(Suggested { model: &moved, explanation });
-    let there = Case { suggested, ..there.part([0.6, 1.0], ", in another reading").another() };
+    let there = Case { suggested, ..there.part([0.6, 1.0], ", in another reading").another().unkept() };
     if !is_open && !leaves_less(declared.begun(&there), simple, scale) {
         return answer;
     }
@@ -271,17 +283,22 @@ impl Declared {
 
     /// The best of searches from so many seeds.
     pub(super) fn from_seeds(case: &Case<'_>, settings: &FitSettings, seeds: u64) -> Self {
-        let ranges = case.rig.declared();
-        let searched = |records| {
-            let watch = |standing| case.progress.searched(standing);
-            fit::fit_from_seeds(case.rig, &ranges, records, settings, seeds, watch)
-        };
-        let fit = searched(case.train());
-        let mut root = Hypothesis::root(case, &fit, ranges.clone());
+        Self::of_fit(case, Self::fit(case, case.train(), settings, seeds), settings, seeds)
+    }
+
+    /// Those that such searches found in the fitted records of a case.
+    pub(super) fn of_fit(case: &Case<'_>, fit: Fit, settings: &FitSettings, seeds: u64) -> Self {
+        let mut root = Hypothesis::root(case, &fit, case.rig.declared());
         if root.is_in_doubt() {
-            root = root.or_in_valley_of_all(case, &searched(case.records));
+            root = root.or_in_valley_of_all(case, &Self::fit(case, case.records, settings, seeds));
         }
         Self { fit, root, begun: OnceCell::new() }
+    }
+
+    /// Their best fit to some records of a case, of searches from so many seeds.
+    pub(super) fn fit(case: &Case<'_>, records: &[Prepared], settings: &FitSettings, seeds: u64) -> Fit {
+        let watch = |standing| case.progress.searched(standing);
+        fit::fit_from_seeds(case.rig, &case.rig.declared(), records, settings, seeds, watch)
     }
 
     /// Those of a case, searched from one seed, if they leave less of all its records than a bound.
@@ -329,6 +346,11 @@ impl<'a> Read<'a> {
     /// What the declared faults leave of all records.
     fn misfit(&self) -> Misfit<f64> {
         self.declared.root.joint.misfit
+    }
+
+    /// Keeps the model with the declared faults alone, if that is kept of its case.
+    fn keep_root(&self) {
+        self.case.keep_reading(&self.declared.fit, &self.declared.root);
     }
 
     fn begun(&self) -> &FirstRound {
@@ -399,6 +421,8 @@ fn diagnose_from(
     settings: &FitSettings,
 ) -> Result<Answer, ExplainedElsewhere> {
     let begun = declared.begun(case).clone();
+    case.keep_reading(&declared.fit, &declared.root);
+    case.keep_models(begun.models());
     let mut before = declared.fit.clone();
     // What is found in excerpts is then fitted to the whole.
     let excerpts = case.excerpts();

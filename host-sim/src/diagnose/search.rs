@@ -71,7 +71,7 @@ pub(super) fn least_scale<'a>(models: impl Iterator<Item = &'a Hypothesis>) -> f
 }
 
 /// The model of least cost, in units of the least that any of them leaves.
-fn cheapest<'a>(models: impl Iterator<Item = &'a Hypothesis> + Clone) -> Option<&'a Hypothesis> {
+pub(super) fn cheapest<'a>(models: impl Iterator<Item = &'a Hypothesis> + Clone) -> Option<&'a Hypothesis> {
     let scale = least_scale(models.clone());
     models.min_by(|a, b| a.cost(scale).total_cmp(&b.cost(scale)))
 }
@@ -260,6 +260,7 @@ fn taken_over(case: &Case<'_>, first: &FirstRound, known: &Known<'_>) -> Option<
 /// The best of a search that ends as soon as what is left of the fitted records may be noise, or with so many effects, and
 /// looks for nothing to which no slope leads.
 pub(super) fn sketch(case: &Case<'_>, FirstRound { root, grown, .. }: FirstRound, most: usize) -> Hypothesis {
+    let case = &case.unkept();
     let mut growth = Growth::new(case, Vec::new(), None);
     let beam = growth.chosen(slice::from_ref(&root), grown);
     growth.run_until(beam, [0.1, 1.0], |best| best.added.len() >= most || within_noise(&best.train.misfit));
@@ -331,6 +332,7 @@ impl<'a> Growth<'a> {
         }
         self.tried.retain(|known| !beam.iter().any(|moved| moved.same_effects(known)));
         self.tried.extend(beam.iter().chain(&grown).cloned());
+        self.case.keep_models(&self.tried);
         if self.is_beaten() {
             return Vec::new();
         }

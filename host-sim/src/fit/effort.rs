@@ -1,12 +1,21 @@
 //! How much is simulated: what a search costs, on whatever machine it runs.
 
 use super::Prepared;
+use crate::interrupt;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// What was spent on a record, on all that is made of it, and on others that share its account, ns of one core.
+/// The account of a record, of all that is made of it, and of others that share it.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Effort(Arc<AtomicU64>);
+pub(super) struct Effort(Arc<Account>);
+
+#[derive(Debug, Default)]
+struct Account {
+    /// What was spent, ns of one core.
+    ns: AtomicU64,
+    /// Is what is done with these records left where the user interrupts it?
+    may_be_left: AtomicBool,
+}
 
 /// Records that are fitted together share an account: what is spent on some of them counts whichever are asked.
 pub fn share_account(records: &mut [Prepared]) {
@@ -18,7 +27,12 @@ pub fn share_account(records: &mut [Prepared]) {
 
 impl Effort {
     pub(super) fn add(&self, ns: u64) {
-        self.0.fetch_add(ns, Ordering::Relaxed);
+        self.0.ns.fetch_add(ns, Ordering::Relaxed);
+    }
+
+    /// Is what is done with its records to be left now?
+    pub(super) fn is_to_be_left(&self) -> bool {
+        interrupt::requested() && self.0.may_be_left.load(Ordering::Relaxed)
     }
 }
 
@@ -29,8 +43,22 @@ pub fn spent_s(records: &[Prepared]) -> f64 {
     let is_first = |(index, record): &(usize, &Prepared)| {
         !records[..*index].iter().any(|before| Arc::ptr_eq(&before.effort.0, &record.effort.0))
     };
-    let ns = |(_, record): (usize, &Prepared)| record.effort.0.load(Ordering::Relaxed) as f64;
+    let ns = |(_, record): (usize, &Prepared)| record.effort.0.ns.load(Ordering::Relaxed) as f64;
     records.iter().enumerate().filter(is_first).map(|record| ns(record) * 1e-9).sum()
+}
+
+/// Does some work on records; none where the user interrupts it, which is seen where the simulation of a record begins, in
+/// whichever thread.
+pub fn unless_interrupted<T>(records: &[Prepared], work: impl FnOnce() -> T) -> Option<T> {
+    let may_be_left = |may_be_left: bool| {
+        for record in records {
+            record.effort.0.may_be_left.store(may_be_left, Ordering::Relaxed);
+        }
+    };
+    may_be_left(true);
+    let done = interrupt::unless_left(work);
+    may_be_left(false);
+    done
 }
 
 #[cfg(test)]

@@ -1,13 +1,15 @@
 //! Which integrator a fit needs, and the buffers for it.
 
+use super::effort::Effort;
 use super::{MAX_FREE, Prepared};
+use crate::interrupt;
 use crate::rig::{Range, Rig};
 use eha_monitor::fit::problem::{Free, Offset, Problem, Record};
 use eha_monitor::fit::walk::Walk;
 use eha_monitor::integrate::Stepper;
 use eha_monitor::integrate::collocation::Collocation;
 use eha_monitor::integrate::exact::{Exact, FINE};
-use eha_monitor::integrate::observed::Observed;
+use eha_monitor::integrate::observed::{Observed, Observer};
 use eha_monitor::model::state::{BASE_ORDER, FULL_ORDER, Outputs};
 use std::cell::Cell;
 
@@ -107,14 +109,35 @@ impl<J: Job> Work<'_, J> {
     /// Does it with an integrator that takes so many ns for a step on the machine that this was measured on: one for the
     /// model and one for each of its neighbours in a finish.
     fn with<S: Stepper<f64>>(self, step_ns: u64, make: impl Fn() -> S) -> J::Output {
-        let counted = |_| Observed::new(make(), Cell::new(0));
+        let effort = self.records.first().map(|record| &record.effort);
+        let counted = |_| Observed::new(make(), Counter { steps: Cell::new(0), effort });
         let mut steppers: Vec<_> = (0..=self.problem.free.len()).map(counted).collect();
         let output = self.job.run(self.problem, &mut steppers);
-        if let Some(record) = self.records.first() {
-            let steps: u64 = steppers.iter().map(|stepper| stepper.observer.get()).sum();
-            record.effort.add(step_ns * steps);
+        if let Some(effort) = effort {
+            let steps: u64 = steppers.iter().map(|stepper| stepper.observer.steps.get()).sum();
+            effort.add(step_ns * steps);
         }
         output
+    }
+}
+
+/// Counts the steps of a simulation, and leaves it where it is not to begin any more.
+struct Counter<'a> {
+    steps: Cell<u64>,
+    /// The account of its records, if there are any.
+    effort: Option<&'a Effort>,
+}
+
+impl Observer for Counter<'_> {
+    fn begins(&self) {
+        if self.effort.is_some_and(Effort::is_to_be_left) {
+            interrupt::leave();
+        }
+    }
+
+    #[inline(always)]
+    fn took(&self, steps: u32) {
+        self.steps.took(steps);
     }
 }
 

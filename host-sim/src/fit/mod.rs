@@ -27,7 +27,7 @@ pub use calibrated::widen_by_calibration;
 pub use closed_loop::{LoopScore, force_error, loop_score};
 pub use colour::{as_white, colour_of};
 pub use correlation::Correlation;
-pub use effort::{share_account, spent_s};
+pub use effort::{share_account, spent_s, unless_interrupted};
 pub use estimate::{Estimate, OF_95};
 pub use limits::{CLIPPED, at_ends, extent, longest_rests, share_at_ends};
 pub use noise::{

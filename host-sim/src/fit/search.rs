@@ -84,7 +84,7 @@ pub(super) fn or_from_seeds(
     seeds: u64,
     watch: impl Fn(Standing) + Sync,
 ) -> Fit {
-    if first.stop == StopReason::NoiseReached {
+    if first.stop == StopReason::NoiseReached || first.interrupted {
         return first;
     }
     let started = Instant::now();

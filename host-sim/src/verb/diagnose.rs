@@ -4,7 +4,7 @@ use super::files::{Files, common_samples};
 use super::{DEFAULT_RIG, InputOptions};
 use crate::cli::Common;
 use crate::diagnose::{
-    Case, Diagnosis, Doubt, EFFORT_BOUNDS_S, EFFORT_PER_SECOND, Early, Found, Score, Side, diagnose,
+    Case, Diagnosis, Doubt, EFFORT_BOUNDS_S, EFFORT_PER_SECOND, Early, Found, Reached, Score, Side, diagnose,
 };
 use crate::failure::Failure;
 use crate::fit::{self, Bounds, Estimate, FitSettings, LoopScore, Prepared};
@@ -216,8 +216,8 @@ impl Job<'_> {
         {
             self.record_notes.push(output::LATE_COMMAND.to_owned());
         }
-        if interrupt::requested() {
-            diagnosis.early = Some(Early::Interrupted);
+        if interrupt::requested() && diagnosis.interrupted_at().is_none() {
+            diagnosis.early = Some(Early::Interrupted(Reached::Answer));
         }
         bar.finish_and_clear();
         self.rig = self.rig.with_spool_of(&diagnosis.rig);
@@ -298,7 +298,7 @@ impl Job<'_> {
         json!({
             "schema": SCHEMA,
             "verdict": diagnosis.verdict.name(),
-            "interrupted": diagnosis.early == Some(Early::Interrupted),
+            "interrupted": diagnosis.interrupted_at().is_some(),
             "effort_s": output::number(diagnosis.effort_s()),
             "out_of_effort": diagnosis.early == Some(Early::OutOfEffort),
             "faults_before": estimates(faults_before),
@@ -357,10 +357,15 @@ impl Job<'_> {
             let early = early.in_words();
             warnings.push(format!("{early}: effects that were not tried yet are not ruled out{more}"));
         }
+        let reached = diagnosis.interrupted_at();
+        warnings.extend(reached.and_then(Reached::left_out).map(str::to_owned));
         if !is_explained && !diagnosis.faults.is_empty() {
-            warnings.push(
-                "something is left that no effect explains: what it does to the faults is not in their intervals".to_owned(),
-            );
+            let left = if reached.is_some() {
+                "more than noise is left"
+            } else {
+                "something is left that no effect explains"
+            };
+            warnings.push(format!("{left}: what it does to the faults is not in their intervals"));
         }
         warnings.extend(doubts_in_words(&diagnosis.doubts));
         if diagnosis.holdout.is_none() && !diagnosis.found.is_empty() {
@@ -397,7 +402,9 @@ impl Job<'_> {
             ));
         }
         let declared = diagnosis.faults.iter().map(|fault| &fault.estimate).chain(&diagnosis.free);
-        warnings.extend(fit::remarks(declared, &self.rig.declared(), Bounds::Rig));
+        if reached != Some(Reached::Search) {
+            warnings.extend(fit::remarks(declared, &self.rig.declared(), Bounds::Rig));
+        }
         for fault in &diagnosis.faults {
             if !fault.confounded_with.is_empty() {
                 let (name, names) =
@@ -433,7 +440,7 @@ impl Job<'_> {
 
     pub(super) fn save(&self, answer: &Answer, prediction: Option<&Path>) -> Result<(), Failure> {
         let Answer { diagnosis, loops, result } = answer;
-        if diagnosis.early == Some(Early::Interrupted) {
+        if diagnosis.interrupted_at().is_some() {
             super::log_no_rig(self.common, RIG_FILE);
         } else {
             output::save(self.common, RIG_FILE, || Ok(self.rig_text(diagnosis)))?;
@@ -465,8 +472,11 @@ impl Job<'_> {
     }
 }
 
-/// What to measure so that what is open now is settled.
+/// What to measure so that what is open now is settled; nothing where the user ended the search: it may have settled that.
 fn next_experiment(job: &Job<'_>, diagnosis: &Diagnosis) -> String {
+    if diagnosis.interrupted_at().is_some() {
+        return String::new();
+    }
     // What is one and the same to every channel, no measurement tells apart.
     let twin_of = |found: &Found| {
         let twin = found.effect.twin(&diagnosis.rig.parameters, &job.rig.parameters)?;
@@ -530,7 +540,7 @@ fn next_experiment(job: &Job<'_>, diagnosis: &Diagnosis) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{Early, check_effort, chosen_by_held_out};
+    use super::{Early, Reached, check_effort, chosen_by_held_out};
     use crate::failure::FailureKind;
 
     #[test]
@@ -538,7 +548,7 @@ mod tests {
         let kind = |allowed_s, early| check_effort(allowed_s, early).err().map(|failure| failure.kind);
         assert_eq!(kind(Some(1.0), Some(Early::OutOfEffort)), Some(FailureKind::Convergence));
         assert_eq!(kind(None, Some(Early::OutOfEffort)), None);
-        assert_eq!(kind(Some(1.0), Some(Early::Interrupted)), None);
+        assert_eq!(kind(Some(1.0), Some(Early::Interrupted(Reached::Answer))), None);
         assert_eq!(kind(Some(1.0), None), None);
     }
 

@@ -1,7 +1,9 @@
 //! Ctrl-C, and what `timeout` sends: the signal itself, sent to a search that would go on for long.
 
 use super::harness::{Bench, named, number};
+use nix::pty::{Winsize, openpty};
 use serde_json::Value;
+use std::fs::File;
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::process::{Child, Command, Stdio};
 use std::thread::JoinHandle;
@@ -161,6 +163,90 @@ fn a_diagnosis_rules_nothing_out_that_it_has_not_tried() {
     assert!(bench.path("demo/diagnose.json").exists() && bench.path("demo/mixed-step.csv").exists());
     let so_far = bench.read("demo/report.html").contains("so far (interrupted)");
     assert_eq!(so_far, result["verdict"] == "unexplained", "{result}");
+}
+
+/// A diagnosis of many seconds on a terminal, interrupted as soon as that shows some words: its result, and what the terminal
+/// shows from then on.
+fn interrupted_at(words: &str) -> (Value, String) {
+    let bench = Bench::new();
+    let records = [("chirp", "a.csv"), ("mixed", "b.csv"), ("sine", "c.csv")];
+    for (command, file) in records {
+        let options = ["--model", "hf", "--command", command, "--set", "bkl=2e-4", "--set", "fdj=800"];
+        bench.simulate(file, &[&options[..], &["--noise", "lvdt_m=5e-6", "--channels", "lvdt_m"]].concat());
+    }
+    let size = Winsize { ws_row: 40, ws_col: 120, ws_xpixel: 0, ws_ypixel: 0 };
+    let terminal = openpty(&size, None).expect("a pseudo-terminal");
+    let child = bench
+        .command(&["diagnose", "a.csv", "b.csv", "--holdout", "c.csv", "--json"])
+        .env("TERM", "xterm-256color")
+        .stdout(Stdio::piped())
+        .stderr(terminal.slave)
+        .spawn()
+        .expect("the program starts");
+    let mut master = File::from(terminal.master);
+    let mut shown = String::new();
+    let mut read = || {
+        let mut bytes = [0; 4096];
+        // An error, where the last writer has closed its end.
+        let length = master.read(&mut bytes).unwrap_or(0);
+        String::from_utf8_lossy(&bytes[..length]).into_owned()
+    };
+    while !shown.contains(words) {
+        let more = read();
+        assert!(!more.is_empty(), "`{words}` is shown: {shown}");
+        shown.push_str(&more);
+    }
+    interrupt(&child, "-INT");
+    let rest = std::thread::spawn(move || {
+        let mut bytes = Vec::new();
+        let _ = master.read_to_end(&mut bytes);
+        String::from_utf8_lossy(&bytes).into_owned()
+    });
+    let result = result(child);
+    assert_eq!(result["interrupted"], true, "{result}");
+    (result, rest.join().expect("what it wrote"))
+}
+
+/// Is there anything in a result that was not looked at?
+fn claims_too_much(result: &Value) -> bool {
+    let warnings = result["warnings"].to_string();
+    let is_claimed = |words: &str| warnings.contains(words);
+    is_claimed("say nothing about") || is_claimed("no effect explains") || result["next_experiment"] != ""
+}
+
+#[test]
+fn a_diagnosis_that_was_trying_effects_keeps_the_fit_of_the_declared_faults() {
+    let (result, _) = interrupted_at("trying effects, round 1");
+    assert!(!claims_too_much(&result), "{result}");
+    let warnings = result["warnings"].to_string();
+    assert!(
+        warnings.contains("not ruled out") && warnings.contains("could stand in for an effect"),
+        "{result}"
+    );
+    let [before, after] = ["faults_before", "faults"].map(|when| {
+        let bkl = named(&result[when], "bkl");
+        [number(&bkl["value"]), number(&bkl["ci95"][0]), number(&bkl["ci95"][1])]
+    });
+    let [value, lower, upper] = after;
+    assert!(after == before && lower < value && value < upper && upper < 4e-4, "{result}");
+    assert!(result["error"]["holdout"].is_object(), "{result}");
+}
+
+#[test]
+fn a_diagnosis_that_was_fitting_the_declared_faults_gives_the_best_of_its_search() {
+    let (result, _) = interrupted_at("fitting the declared faults");
+    assert!(!claims_too_much(&result), "{result}");
+    assert!(result["warnings"].to_string().contains("had no say"), "{result}");
+    assert!(result["error"]["holdout"].is_null(), "{result}");
+    assert_eq!(result["verdict"], "unexplained", "{result}");
+}
+
+#[test]
+fn a_diagnosis_begins_nothing_once_it_is_interrupted() {
+    let (_, shown) = interrupted_at("trying effects, round 1");
+    let frames = shown.split(['\r', '\n']).filter(|frame| frame.contains("/100 after "));
+    let other: Vec<&str> = frames.filter(|frame| !frame.contains("trying effects, round 1")).collect();
+    assert!(other.is_empty(), "{other:?}");
 }
 
 #[test]
