@@ -2,9 +2,11 @@
 //!
 //! Work of many steps, of which half is worth nothing, is left where it is (see [`leave`]).
 
+use crate::cli::Common;
 use crate::failure::Failure;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
+use std::io::{IsTerminal as _, Write as _, stderr};
 use std::panic::{self, AssertUnwindSafe};
 use std::process;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,19 +20,26 @@ pub const EXIT_CODE: u8 = 130;
 /// that it started, the program among them.
 const SAME_SIGNAL: Duration = Duration::from_millis(300);
 
+/// What a person at a terminal is told at the first signal: over the line that a progress bar draws.
+const ENDING: &str = "\r\x1b[2Kending with what was found so far; another Ctrl-C ends it at once";
+
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 
 /// From now on, the first of these signals asks searches to end, and one that comes later ends the program. For verbs that
-/// ask [`requested`]; the others are ended by the first.
+/// ask [`requested`]; the others are ended by the first. A terminal is told at the first, if the user wants any messages.
 ///
 /// # Errors
 /// The system does not let the program watch for them.
-pub fn watch() -> Result<(), Failure> {
+pub fn watch(common: &Common) -> Result<(), Failure> {
+    let is_told = !common.quiet && stderr().is_terminal();
     let mut signals = Signals::new([SIGINT, SIGTERM]).map_err(Failure::other)?;
     thread::spawn(move || {
         let mut first = None;
         for _ in signals.forever() {
-            REQUESTED.store(true, Ordering::Relaxed);
+            if !REQUESTED.swap(true, Ordering::Relaxed) && is_told {
+                // Whether it gets there or not, the program is ending.
+                let _ = writeln!(stderr(), "{ENDING}");
+            }
             if first.get_or_insert_with(Instant::now).elapsed() > SAME_SIGNAL {
                 process::exit(EXIT_CODE.into());
             }

@@ -52,7 +52,7 @@ pub struct Options {}
 /// # Errors
 /// A file cannot be written.
 pub fn run(common: &Common, _: &Options) -> Result<(), Failure> {
-    interrupt::watch()?;
+    interrupt::watch(common)?;
     let directory = common.out.clone().unwrap_or_else(|| DIRECTORY.into());
     let common = &Common { out: Some(directory), ..common.clone() };
     let mut files = Files::new(common).writes_in_out(&WRITES).writes_in_out(&[PRINTED_FILE]);

@@ -89,7 +89,7 @@ pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     record_notes.extend(common_samples(common, &given, train.len())?);
     let names =
         options.records.iter().chain(&options.holdout).map(|path| path.display().to_string()).collect();
-    interrupt::watch()?;
+    interrupt::watch(common)?;
     let mut job = Job { common, rig, train, holdout, record_notes, names, effort_s: options.effort };
     let mut answer = job.run()?;
     answer.result["config"]["reading"] = options.input.json();

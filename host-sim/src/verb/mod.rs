@@ -307,7 +307,7 @@ fn fit_records(
     writes: &[&str],
     choose: impl FnOnce(&Rig) -> Vec<Range>,
 ) -> Result<Fitted, Failure> {
-    interrupt::watch()?;
+    interrupt::watch(common)?;
     let trace = trace_path(common, options.trace.as_deref());
     Files::new(common).reads(&options.records).writes_in_out(writes).writes(trace.clone()).check()?;
     let rig = rig(common, default_rig)?;

@@ -56,7 +56,7 @@ pub struct Options {
 /// Stdout or a file cannot be written.
 pub fn run(common: &Common, options: &Options) -> Result<(), Failure> {
     Files::new(common).writes_in_out(&[RESULT_FILE, REPORT_FILE]).check()?;
-    interrupt::watch()?;
+    interrupt::watch(common)?;
     let started = Instant::now();
     let monitor: Rig = (BUILT_IN[0].make)();
     let augmented = match &common.rig {

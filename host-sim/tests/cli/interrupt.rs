@@ -250,6 +250,12 @@ fn a_diagnosis_begins_nothing_once_it_is_interrupted() {
 }
 
 #[test]
+fn a_terminal_is_told_once_that_an_interrupted_program_is_ending() {
+    let (_, shown) = interrupted_at("trying effects, round 1");
+    assert_eq!(shown.matches("another Ctrl-C ends it at once").count(), 1, "{shown:?}");
+}
+
+#[test]
 fn the_cases_of_a_loop_that_was_not_closed_claim_nothing_of_it() {
     let bench = Bench::new();
     let child = start(&bench, &["reproduce", "--json", "--out", "cases"]);
