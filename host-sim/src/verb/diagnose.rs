@@ -55,10 +55,11 @@ pub struct Options {
 fn effort_help() -> String {
     let [least, most] = EFFORT_BOUNDS_S;
     format!(
-        "Work of the search, about so many seconds of one core, after which nothing more is begun: counted in steps of the \
-         simulation, so that a result repeats on any machine. What is begun is ended, the fit of the declared faults at \
-         least, so it may take some seconds more. What was found by then is the result; the exit code is then 4 if this \
-         option is given. \
+        "Work of the search after which nothing more is begun, s of one core of the machine that a step of the simulation was \
+         timed on: steps are counted, and nothing beside them, so that a result repeats on any machine; the time itself may be \
+         twice as long and more. What is begun is ended, and the fit of the declared faults, a first round of effects and the \
+         tests of what was found are made in any case: of short records that is most of the work. What was found by then is \
+         the result; the exit code is then 4 if this option is given. \
          [default: {EFFORT_PER_SECOND} for each second of the fitted records, {least} to {most}]"
     )
 }

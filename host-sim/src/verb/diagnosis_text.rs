@@ -149,7 +149,7 @@ impl Job<'_> {
         }
         let _ = writeln!(
             text,
-            "{:.2} s, effort {:.0} s, seed {}",
+            "{:.2} s, effort {:.0} s by steps of the simulation, seed {}",
             result["seconds"].as_f64().unwrap_or(f64::NAN),
             diagnosis.effort_s().ceil(),
             self.common.seed

@@ -33,3 +33,12 @@ fn a_search_that_uses_up_its_effort_says_so_and_repeats_with_any_number_of_threa
     assert!(effort(&result) > 0.1 && effort(&result) < effort(&whole), "{result}");
     assert!(effort(&whole) < number(&whole["config"]["search"]["effort_s"]), "{whole}");
 }
+
+#[test]
+fn an_effort_is_said_to_be_counted_and_not_a_bound_on_time() {
+    let help = Bench::new().run(&["diagnose", "--help"]).done().stdout;
+    let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    for part in ["steps are counted, and nothing beside them", "are made in any case", "twice as long"] {
+        assert!(help.contains(part), "`{part}`: {help}");
+    }
+}
