@@ -424,17 +424,18 @@ mod tests {
             assert!((found / step - 1.0).abs() < 1e-4, "{digits} digits: {found}");
         }
         // A step that is no whole number of the last digit, behind the point.
-        for (step, decimals) in [(16.730_2e-6, 9), (16.730_2e-6, 8), (4.387e-6, 9), (1.234_56e-6, 10)] {
+        for (step, decimals) in [(16.730_2e-6, 9_u8), (16.730_2e-6, 8), (4.387e-6, 9), (1.234_56e-6, 10)] {
+            let digits = usize::from(decimals);
             let written =
-                |value: &f64| format!("{:.decimals$}", (value / step).round() * step).parse().unwrap();
+                |value: &f64| format!("{:.digits$}", (value / step).round() * step).parse().unwrap();
             let values: Vec<f64> = exact.iter().map(written).collect();
             let found = quantum(&values);
             assert!((found / step - 1.0).abs() < 1e-3, "{step} in {decimals} decimals: {found}");
             // Numbers that are written so are in steps of their last digit, if of any.
             let fine: Vec<f64> =
-                exact.iter().map(|value| format!("{value:.decimals$}").parse().unwrap()).collect();
+                exact.iter().map(|value| format!("{value:.digits$}").parse().unwrap()).collect();
             let found = quantum(&fine);
-            assert!(found < 1.5 * 10.0_f64.powi(-(decimals as i32)), "{decimals} decimals: {found}");
+            assert!(found < 1.5 * 10.0_f64.powi(-i32::from(decimals)), "{decimals} decimals: {found}");
         }
     }
 
