@@ -17,6 +17,7 @@ use eha_monitor::model::Form;
 use eha_monitor::model::state::BASE_ORDER;
 use eha_monitor::parameter::{Parameter, Parameters};
 use reference_plant::add_noise;
+use std::iter;
 
 /// Noise of the LVDT, m, and of the current, mA.
 const NOISE: [f64; 2] = [5e-6, 0.02];
@@ -438,7 +439,8 @@ fn steppers_of_another_rig_are_those_of_this_one_from_the_start_on() {
         let mut identification =
             Identification::<f64, 2, 20>::new(&this, Settings::default(), 1).expect("two");
         identification.suggest(&this, &[0.5; 2], &mut stepper());
-        identification.run(&this, &mut [stepper(), stepper(), stepper()]);
+        let mut steppers: Vec<Stepper> = iter::repeat_with(stepper).take(3).collect();
+        identification.run(&this, &mut steppers);
         identification.result().map(|found| (found.genes, found.normal.misfit.chi_square))
     };
     assert_eq!(identified(&used), identified(&Stepper::new));

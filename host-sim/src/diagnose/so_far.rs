@@ -1,7 +1,7 @@
 //! What a diagnosis has found so far: its answer where the user ends it.
 //!
-//! What is being done then is left where it is (see [`fit::unless_interrupted`]), so that nothing comes of it but what was kept
-//! here. The answer is put together of that, and claims nothing that was not looked at.
+//! What is being done then is left where it is (see [`unless_interrupted`](crate::fit::unless_interrupted)), so that nothing
+//! comes of it but what was kept here. The answer is put together of that, and claims nothing that was not looked at.
 
 use super::case::Case;
 use super::conclusion::{Open, conclude};
