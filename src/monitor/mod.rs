@@ -12,13 +12,14 @@
 //!
 //! **Where a window starts.** An actuator in flight is never at rest at the start of a window, and its state is not
 //! measured. The model's own motion under the last estimate is carried on from the end of one window into the next, the
-//! same for every candidate, and the first 0.1 s of a window (a quarter at most) is not compared: a loop that follows its command forgets where
-//! it was within some 20 ms, the backlash at the first turn. What is carried depends on commands alone and not on noise.
-//! Where it is missing (the first window, after a gap, after windows in a row that nothing explains) the model starts at the
-//! first measured position, as fast as measured, or at rest where that is the command. A loop whose valve is at its limit
-//! forgets next to nothing meanwhile. So a second motion is walked along such a window, from as far off as the first may be,
-//! and nothing is compared before both are alike; if they are not by its end, the next window goes on with that. The sensor
-//! always starts as if it had been at rest; one that remembers longer than 0.1 s is refused.
+//! same for every candidate, and the first 0.1 s of a window (a quarter at most) is not compared: a loop that follows its
+//! command forgets where it was within some 20 ms, the backlash at the first turn. What is carried depends on commands
+//! alone and not on noise. Where it is missing (the first window, after a gap, after windows in a row that nothing
+//! explains) the model starts at the first measured position, as fast as measured, or at rest where that is the command. A
+//! loop whose valve is at its limit forgets next to nothing meanwhile. So a second motion is walked along such a window,
+//! from as far off as the first may be, and nothing is compared before both are alike; if they are not by its end, the next
+//! window goes on with that. The sensor always starts as if it had been at rest; one that remembers longer than 0.1 s is
+//! refused.
 //!
 //! **What a window must ask.** The offset of each sensor is taken out (see `sums.rs`); the standard errors that the
 //! normal equations then predict say whether the window tells an alarmed fault from a healthy one. They are local: without
