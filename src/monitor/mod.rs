@@ -57,7 +57,7 @@ use report::{Estimate, Report, Verdict};
 use sample::Sample;
 use screen::{Exclusions, Limits, Reason, Screen, Screened, Sink};
 use slot::Slot;
-use window::{Scale, Window};
+use window::{Scale, Window, samples_in};
 
 /// Time at the start of a window that is not compared, s.
 const SETTLE: f32 = 0.1;
@@ -342,7 +342,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
         }
         let follows = self.filling().follows;
         let command = self.filling().get(0).command(scale);
-        let later = ((SPEED_TIME / config.sample_period + 0.5) as usize).max(1);
+        let later = samples_in(SPEED_TIME, config.sample_period).max(1) as usize;
         let (first, seen) = self.filling().user_from(0, scale).unwrap_or((0, command));
         let (second, later) = self.filling().user_from(first + later, scale).unwrap_or((first, seen));
         let rests = first == 0 && (seen - command).abs() <= REST_SIGMA * config.believed_noise()[0];
@@ -529,7 +529,7 @@ impl<S: Stepper<f32>, const SAMPLES: usize, const FAULTS: usize, const POPULATIO
 
 /// Samples at the start of a window that are not compared.
 fn settle_samples<const FAULTS: usize, const SAMPLES: usize>(config: &Config<FAULTS>) -> usize {
-    ((SETTLE / config.sample_period + 0.5) as usize).min(SAMPLES / 4)
+    (samples_in(SETTLE, config.sample_period) as usize).min(SAMPLES / 4)
 }
 
 /// A value, or zero for what is no number.

@@ -6,6 +6,7 @@
 use super::pass::VALVE_TIME;
 use super::sample::Sample;
 use super::slot::Slot;
+use super::window::samples_in;
 
 /// Longest time without samples that is bridged, s.
 const LONGEST_BRIDGE: f32 = 0.02;
@@ -100,11 +101,6 @@ pub(super) trait Sink {
     fn take_back(&mut self, count: u32, user: bool, current: bool);
     /// Samples, or measured values of them, are excluded for a reason.
     fn exclude(&mut self, count: u32, reason: Reason);
-}
-
-/// Samples in a time, s.
-fn samples(time: f32, sample_period: f32) -> u32 {
-    (time / sample_period + 0.5) as u32
 }
 
 /// What a screen needs to know.
@@ -217,7 +213,7 @@ impl Screen {
                 gap = step - 1;
                 // While it was off, nobody knows what the command did.
                 let is_missed = self.restarted && gap > self.unusable;
-                interrupted = gap > samples(LONGEST_BRIDGE, limits.sample_period) || is_missed;
+                interrupted = gap > samples_in(LONGEST_BRIDGE, limits.sample_period) || is_missed;
             }
         }
         let is_in_range = sample.command.abs() <= limits.command;
@@ -260,7 +256,7 @@ impl Screen {
             } else {
                 let is_current = channel == 1;
                 let rests = is_current && value.abs() >= limits.saturation - limits.noise[channel];
-                let most = samples(STUCK, limits.sample_period);
+                let most = samples_in(STUCK, limits.sample_period);
                 let still = &mut self.still[channel];
                 let stuck = still.look(value, sample.command, least[channel], [is_current, rests], most);
                 if stuck > 0 {

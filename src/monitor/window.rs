@@ -11,6 +11,11 @@ const POSITION_COUNTS: i32 = (1 << 23) - 1;
 /// Counts on either side of zero of a current.
 const CURRENT_COUNTS: i32 = (1 << 15) - 1;
 
+/// Samples in a time, s.
+pub(super) fn samples_in(time: f32, sample_period: f32) -> u32 {
+    (time / sample_period + 0.5) as u32
+}
+
 /// What one count is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Scale {
@@ -163,8 +168,8 @@ impl<const SAMPLES: usize> Window<SAMPLES> {
     /// The first sample from one on that has a user position, and that, m.
     #[inline(never)]
     pub(super) fn user_from(&self, sample: usize, scale: Scale) -> Option<(usize, f32)> {
-        let later = self.samples.iter().enumerate().skip(sample);
-        later.into_iter().find_map(|(at, packed)| Some((at, packed.user(scale)?)))
+        let mut later = self.samples.iter().enumerate().skip(sample);
+        later.find_map(|(at, packed)| Some((at, packed.user(scale)?)))
     }
 
     /// Samples from one on that have a user position, and that have a current.

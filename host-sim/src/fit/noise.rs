@@ -130,7 +130,7 @@ pub fn noise_of_series(values: &[f64]) -> f64 {
 
 /// Are hardly any five samples in a row there, as where a sensor is read at every second one?
 pub fn is_sparse(values: &[f64]) -> bool {
-    fourth_differences(values).count() < FEW
+    fourth_differences(values).take(FEW).count() < FEW
 }
 
 /// The samples of a series that are not missing.
@@ -190,13 +190,11 @@ const DECIMALS: i32 = 12;
 
 /// The place of the last digit of values that are written with a fixed number of them behind the point; 0 where they are not.
 fn last_digit(values: &[f64]) -> f64 {
-    let is_whole = |scale: f64| {
-        let scaled = values.iter().filter(|value| value.is_finite()).map(|value| value * scale);
-        scaled.into_iter().all(|value| (value - value.round()).abs() < DIGITS * value.abs().max(1.0))
+    let are_whole = |scale: &f64| {
+        let mut scaled = values.iter().filter(|value| value.is_finite()).map(|value| value * scale);
+        scaled.all(|value| (value - value.round()).abs() < DIGITS * value.abs().max(1.0))
     };
-    (0..=DECIMALS)
-        .find(|&digits| is_whole(10.0_f64.powi(digits)))
-        .map_or(0.0, |digits| 10.0_f64.powi(-digits))
+    (0..=DECIMALS).map(|digits| 10.0_f64.powi(digits)).find(are_whole).map_or(0.0, f64::recip)
 }
 
 /// The step in which a series is quantised; 0 where it is not (fewer than nine in ten of its differences are whole numbers

@@ -281,6 +281,7 @@ impl Session {
         let (mut answer, mut decoder, mut reports, mut status) =
             (Vec::new(), Decoder::new(), Vec::new(), None);
         let refusal = Cell::new(None);
+        let is_taken = || refusal.get().map_or(Ok(()), |reason| Err(refused(reason)));
         let mut hear = |bytes: Vec<u8>| {
             for &byte in &bytes {
                 match decoder.take::<FromMonitor>(byte) {
@@ -307,9 +308,7 @@ impl Session {
             while let Ok(bytes) = receiver.try_recv() {
                 hear(bytes);
             }
-            if let Some(reason) = refusal.get() {
-                return Err(refused(reason));
-            }
+            is_taken()?;
         }
         line.writer.flush().map_err(Failure::other)?;
         for bytes in &receiver {
@@ -323,9 +322,7 @@ impl Session {
             line.writer.write_all(end).and_then(|()| line.writer.flush()).map_err(Failure::other)?;
         }
         let log = line.end()?;
-        if let Some(reason) = refusal.get() {
-            return Err(refused(reason));
-        }
+        is_taken()?;
         let is_identical = answer == expected;
         Ok(Outcome { reports, status, twin, is_identical, bytes: sent, injected, log })
     }

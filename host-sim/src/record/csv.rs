@@ -51,8 +51,9 @@ pub fn read_csv_with(path: &Path, options: &ReadOptions) -> Result<Loaded, Recor
 /// where it is no comma, numbers may have decimal commas. Where the header has none of them, blanks separate cells. Lines
 /// above the names of the columns are skipped; where there are numbers only, a comment above them may have the names. CRLF,
 /// quoted cells and blank lines are fine, and so is text in UTF-16 with a byte order mark; what is not UTF-8 is read as
-/// Windows-1252, with a warning. A row of units under the header counts for columns of which nothing else says a unit, and may not contradict the name of a channel. Columns that are not used become a warning. A
-/// blank cell of a measured column is a missing sample, and so is `NaN` or `NA`.
+/// Windows-1252, with a warning. A row of units under the header counts for columns of which nothing else says a unit, and
+/// may not contradict the name of a channel. Columns that are not used become a warning. A blank cell of a measured column
+/// is a missing sample, and so is `NaN` or `NA`.
 ///
 /// # Errors
 ///

@@ -191,8 +191,7 @@ fn of_sensor(
     if is_position(channel) {
         merge(&mut stuck, repeating(&values, least));
     }
-    let longest = (LONGEST_S / record.sample_period_s()) as usize * fresh.len() / record.len();
-    let longest = longest.max(1);
+    let longest = ((LONGEST_S / record.sample_period_s()) as usize * fresh.len() / record.len()).max(1);
     let (least, longest) = match channel {
         Channel::Pressure => (PRESSURE_SHARE * rig.parameters.supply_pressure / OF_THREE, None),
         channel => (least, is_position(channel).then_some(longest)),
@@ -569,11 +568,8 @@ mod tests {
             for channel in [Channel::UserPosition, Channel::Current] {
                 for every in [2, 3] {
                     let blank = changed(&record, channel, |values| {
-                        values.iter_mut().enumerate().filter(|(k, _)| k % every > 0).for_each(
-                            |(_, value)| {
-                                *value = f64::NAN;
-                            },
-                        );
+                        let blanks = (0..values.len()).filter(|sample| sample % every > 0);
+                        values.copy_from_slice(&without(values, blanks));
                     });
                     assert_eq!(screen(&rig, &blank).notes, [""; 0], "{command}, every {every}");
                     let spiky = changed(&blank, channel, |values| values[600] *= 100.0);
