@@ -135,13 +135,37 @@ impl Jumping {
             let is_last = turn == MOST_TIMED || is_same || curved.is_over();
             let is_open = !is_last && (!answer.is_unexplained() || may_explain(next, true));
             let Some(better) = is_open.then(|| cheaper_beside(next, least)).flatten() else {
+                let traded = in_place_of_times(case, &answer, &best.case(curved), settings);
                 let jumps = Some(best.jumps.times(curved.records));
-                return Between::Found(Box::new(Diagnosis { jumps, ..answer.diagnosis }));
+                let diagnosis = traded.unwrap_or(Diagnosis { jumps, ..answer.diagnosis });
+                return Between::Found(Box::new(diagnosis));
             };
             (least, best) = better;
             turn += 1;
         }
     }
+}
+
+/// The answer to a case without times of jumps in which an effect that a fault trades with beside these explains the records, at
+/// less cost. `timed` is the case with the times.
+fn in_place_of_times(
+    case: &Case<'_>,
+    beside: &Answer,
+    timed: &Case<'_>,
+    settings: &FitSettings,
+) -> Option<Diagnosis> {
+    if beside.is_unexplained() || case.is_over() {
+        return None;
+    }
+    let price = timed.timed?.price()?;
+    let bound = |scale: f64| beside.model.cost(scale) + price - TOLD_APART;
+    case.progress.begin("looking for what a fault trades with", [0.9, 0.95]);
+    let model = beside.model.traded(timed, case, settings, bound)?;
+    let suggested = Some(Suggested { model: &model, explanation: None });
+    let case = Case { suggested, ..case.part([0.95, 1.0], "").another() };
+    let answer = diagnose_in_noise(&case, settings);
+    let scale = answer.model.scale();
+    (!answer.is_unexplained() && answer.model.cost(scale) < bound(scale)).then_some(answer.diagnosis)
 }
 
 /// What those of the fitted records ask for whose commands do not jump, where there are any and the declared faults alone do
@@ -174,11 +198,48 @@ fn asked_by_calm(case: &Case<'_>, curved: &Case<'_>, settings: &FitSettings) -> 
 
 #[cfg(test)]
 mod tests {
-    use super::super::signature::tests::{record, with};
-    use super::{Case, asked_by_calm};
+    use super::super::jumps::Jumps;
+    use super::super::signature::tests::{record, sine_and_stairs, with};
+    use super::{Case, Declared, Hypothesis, asked_by_calm};
     use crate::fit::{self, FitSettings, Prepared};
     use crate::rig::{CommandPath, Rig};
-    use eha_monitor::parameter::Parameter;
+    use eha_monitor::parameter::{Parameter, Parameters};
+
+    /// Both explain records of stairs: times of the jumps with a friction that is far off, and an effect.
+    #[test]
+    fn times_of_jumps_do_not_stand_in_for_an_effect_that_a_fault_trades_with() {
+        let rig = Rig::load("eha").unwrap();
+        let traded = |mut truth: Rig| {
+            (truth.parameters.bkl, truth.parameters.fdj) = (2e-4, 700.0);
+            let records = sine_and_stairs(&truth).map(|record| record.along(&rig));
+            let case = Case::new(&rig, &records, 1);
+            let reading = fit::on_path(&rig, &records, CommandPath::Curve).unwrap();
+            let curved = case.read_as(&reading, "");
+            let settings = FitSettings::default();
+            let timed = Jumps::of(&reading.records).unwrap().timed(
+                &curved,
+                |case| Declared::from_seeds(case, &settings, 1).root,
+                Hypothesis::refitted,
+            );
+            let there = timed.case(&curved);
+            assert!(timed.model.leaves_noise(&there));
+            let found = timed.model.traded(&there, &case, &settings, |scale| timed.cost(scale).unwrap());
+            (timed.model.joint.values[1], found)
+        };
+        let (friction, found) = traded(with(&rig, Parameter::SpoolOverlap, 16e-6));
+        assert!(friction > 1500.0, "{friction}");
+        let found = found.unwrap();
+        assert_eq!(found.newest().unwrap().name, "spool-overlap");
+        let Parameters { fdj, spool_overlap, .. } = found.rig_of_all().parameters;
+        assert!(
+            (spool_overlap - 16e-6).abs() < 3e-6 && (fdj - 700.0).abs() < 200.0,
+            "{spool_overlap}, {fdj}"
+        );
+        // Where the command jumps between samples, nothing does.
+        let (friction, found) = traded(Rig { command_path: CommandPath::Curve, ..rig.clone() });
+        assert!((friction - 700.0).abs() < 50.0, "{friction}");
+        assert!(found.is_none());
+    }
 
     #[test]
     fn calm_records_of_a_command_that_a_computer_holds_ask_for_nothing() {

@@ -8,7 +8,7 @@ use super::residual;
 use super::search::{BEAM, GROWING_SHARE};
 use super::timing::Timing;
 use super::weighing::Earned;
-use crate::fit::{self, BETTER_VALLEY, FitSettings, Polished, TOLD_APART};
+use crate::fit::{self, BETTER_VALLEY, FitSettings, Polished, Prepared, TOLD_APART};
 use crate::rig::{Range, Rig};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::fit::identify::within_noise;
@@ -174,7 +174,12 @@ impl Hypothesis {
         };
         let asked: Vec<Candidate> =
             of_all.promising(&whole, self.added.is_empty()).into_iter().filter(is_asked_for).collect();
-        asked
+        self.with_of_all(case, asked)
+    }
+
+    /// Makes hypotheses of candidates that were fitted to all records.
+    fn with_of_all(&self, case: &Case<'_>, candidates: Vec<Candidate>) -> Vec<Self> {
+        candidates
             .into_par_iter()
             .filter_map(|Candidate { effect, ranges, fit: joint }| {
                 let (ranges, fit) = candidate::fitted(&self.rig, ranges, &joint.values, case.train())?;
@@ -242,19 +247,50 @@ impl Hypothesis {
         self.with(case, candidates)
     }
 
-    /// The hypotheses with one more effect that fit better than a bound where everything free is searched for anew, the
-    /// faults in all of their ranges: what no slope leads to from here.
-    pub(super) fn searched(&self, case: &Case<'_>, settings: &FitSettings, bound: f64) -> Vec<Self> {
-        let applied = |effect: &&'static EffectInfo| candidate::applies(effect, &self.rig, &self.ranges);
-        let search = |effect| {
-            case.told(candidate::searched(effect, &self.rig, &self.ranges, case.train(), settings, bound))
+    /// The hypotheses with one more effect that leave less than all that are known where everything free is searched for anew,
+    /// the faults in all of their ranges: what no slope leads to from here. Where the fitted records are explained and the
+    /// held-out ones speak against that, all of them are searched.
+    pub(super) fn searched(&self, case: &Case<'_>, settings: &FitSettings, known: &[Self]) -> Vec<Self> {
+        let least = |fit: fn(&Self) -> &Polished| {
+            known.iter().map(|known| fit(known).misfit.chi_square).fold(f64::INFINITY, f64::min)
         };
-        let applied: Vec<_> = EFFECTS.iter().filter(applied).collect();
-        case.progress.expect(applied.len());
-        let mut found: Vec<Candidate> = applied.into_par_iter().filter_map(search).collect();
+        let applies = |effect: &&'static EffectInfo| candidate::applies(effect, &self.rig, &self.ranges);
+        let effects: Vec<&EffectInfo> = EFFECTS.iter().filter(applies).collect();
+        if self.is_in_doubt() {
+            return self.searched_in_all(case, &effects, settings, least(|known| &known.joint));
+        }
+        let bound = least(|known| &known.train);
+        self.with(case, self.searched_from_afar(case, &effects, case.train(), settings, bound))
+    }
+
+    /// The hypotheses with one of some effects that leave less of all records than a bound, these searched so.
+    pub(super) fn searched_in_all(
+        &self,
+        case: &Case<'_>,
+        effects: &[&'static EffectInfo],
+        settings: &FitSettings,
+        bound: f64,
+    ) -> Vec<Self> {
+        self.with_of_all(case, self.searched_from_afar(case, effects, case.records, settings, bound))
+    }
+
+    /// The best that a genetic search finds with each of some effects in records, where that is below a bound.
+    fn searched_from_afar(
+        &self,
+        case: &Case<'_>,
+        effects: &[&'static EffectInfo],
+        records: &[Prepared],
+        settings: &FitSettings,
+        bound: f64,
+    ) -> Vec<Candidate> {
+        let search = |&effect: &&'static EffectInfo| {
+            case.told(candidate::searched(effect, &self.rig, &self.ranges, records, settings, bound))
+        };
+        case.progress.expect(effects.len());
+        let mut found: Vec<Candidate> = effects.par_iter().filter_map(search).collect();
         found.sort_by(candidate::lower);
         found.truncate(MOST_FITTED);
-        self.with(case, found)
+        found
     }
 
     /// The effects that could stand in for one that was added: with each in its place, the others kept, the records

@@ -126,7 +126,7 @@ impl Timed {
     }
 
     /// What the times must gain beside the model; none where the records do not tell what is free.
-    fn price(&self) -> Option<f64> {
+    pub(super) fn price(&self) -> Option<f64> {
         let Hypothesis { rig, ranges, joint, .. } = &self.model;
         self.jumps.cost(rig, ranges, joint, &self.records).map(|cost| cost.price)
     }

@@ -479,9 +479,8 @@ impl<'a> Growth<'a> {
         }
         let Self { case, tried, .. } = &*self;
         case.progress.begin("searching from afar", [0.65, 0.75]);
-        let bound = tried.iter().map(|known| known.train.misfit.chi_square).fold(f64::INFINITY, f64::min);
         let Some(root) = root(tried).cloned() else { return };
-        let found = root.searched(case, settings, bound);
+        let found = root.searched(case, settings, tried);
         if found.is_empty() {
             return;
         }
@@ -599,9 +598,10 @@ fn asked(tried: &[Hypothesis]) -> Option<&Hypothesis> {
 
 #[cfg(test)]
 pub(super) mod tests {
-    use super::super::signature::tests::{record, with};
+    use super::super::readings::Declared;
+    use super::super::signature::tests::{record, sine_and_stairs, with};
     use super::{Case, Growth, Hypothesis, Rival, Suggested, cheapest};
-    use crate::fit;
+    use crate::fit::{self, FitSettings};
     use crate::rig::{Range, Rig};
     use eha_monitor::effect::EffectInfo;
     use eha_monitor::parameter::Parameter;
@@ -629,6 +629,25 @@ pub(super) mod tests {
         assert!(is_beaten(&["leakage", "stribeck"], rival));
         assert!(is_beaten(&["leakage"], Rival { leaves_noise: true, ..rival }));
         assert!(!is_beaten(&["leakage", "stribeck"], Rival { cost: f64::INFINITY, ..rival }));
+    }
+
+    #[test]
+    fn where_held_out_records_speak_against_what_explains_the_fitted_ones_all_are_searched_from_afar() {
+        let rig = Rig::load("eha").unwrap();
+        let mut truth = with(&rig, Parameter::SpoolOverlap, 30e-6);
+        (truth.parameters.bkl, truth.parameters.fdj) = (2e-4, 700.0);
+        let records = sine_and_stairs(&truth);
+        let case = Case::new(&rig, &records, 1);
+        let settings = FitSettings { budget: 100, ..FitSettings::default() };
+        let mut root = Declared::from_seeds(&case, &settings, 1).root;
+        assert!(root.is_in_doubt());
+        // The fitted records alone cannot like anything better.
+        root.train.misfit.chi_square = 0.0;
+        let known = [root];
+        let found = known[0].searched(&case, &settings, &known);
+        let best = cheapest(found.iter()).unwrap();
+        assert_eq!(best.newest().unwrap().name, "spool-overlap");
+        assert!(best.leaves_noise(&case));
     }
 
     #[test]

@@ -88,6 +88,9 @@ pub(super) mod tests {
     use eha_monitor::model::state::Outputs;
     use eha_monitor::parameter::Parameter;
     use nalgebra::DVector;
+    use rand_distr::{Distribution as _, StandardNormal};
+    use rand_xoshiro::Xoshiro256PlusPlus;
+    use rand_xoshiro::rand_core::SeedableRng as _;
     use std::slice;
 
     const PERIOD: f64 = 1e-3;
@@ -111,12 +114,41 @@ pub(super) mod tests {
     ) -> Prepared {
         let command: Vec<f64> =
             (0..1000).map(|k| f64::from(k) * 5e-6 * (f64::from(k) * PERIOD * 20.0).sin()).collect();
-        let prepared = |position: Vec<f64>| {
-            let channels = vec![(Channel::Command, command.clone()), (Channel::UserPosition, position)];
-            let record = Record::new("made".to_owned(), PERIOD, 0.0, channels).unwrap();
-            fit::prepare_with(rig, &record, NOISE)
+        flown(rig, &command, NOISE, recorder)
+    }
+
+    /// The positions of a rig that flies a sine and stairs, in 5 um of noise. What jumps on a curve does so in the middle of
+    /// a sample.
+    pub(in super::super) fn sine_and_stairs(rig: &Rig) -> [Prepared; 2] {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
+        let noise = [5e-6, f64::INFINITY, f64::INFINITY, f64::INFINITY];
+        let mut noisy = |unseen: &Prepared, _| {
+            let between = unseen.with_jumps_ahead(unseen.jumps().into_iter().map(|jump| (jump, 0.5)));
+            let mut outputs = fit::predict(rig, &[between]).concat();
+            for outputs in &mut outputs {
+                let normal: f64 = StandardNormal.sample(&mut random);
+                outputs.user += noise[0] * normal;
+            }
+            outputs
         };
-        let unseen = prepared(command.clone());
+        let sine = |k: u16| 2e-3 * (f64::from(k) * 6e-3).sin();
+        let stairs = |k: u16| [0.0, 1e-3, -5e-4, -2e-3, 1.5e-3][usize::from(k / 210)];
+        [(0..1000).map(sine).collect::<Vec<_>>(), (0..1000).map(stairs).collect()]
+            .map(|command| flown(rig, &command, noise, &mut noisy))
+    }
+
+    fn flown(
+        rig: &Rig,
+        command: &[f64],
+        noise: [f64; 4],
+        recorder: impl FnOnce(&Prepared, Vec<Outputs<f64>>) -> Vec<Outputs<f64>>,
+    ) -> Prepared {
+        let prepared = |position: Vec<f64>| {
+            let channels = vec![(Channel::Command, command.to_vec()), (Channel::UserPosition, position)];
+            let record = Record::new("made".to_owned(), PERIOD, 0.0, channels).unwrap();
+            fit::prepare_with(rig, &record, noise)
+        };
+        let unseen = prepared(command.to_vec());
         let outputs = fit::predict(rig, slice::from_ref(&unseen)).concat();
         prepared(recorder(&unseen, outputs).iter().map(|outputs| outputs.user).collect())
     }

@@ -6,9 +6,9 @@
 
 use super::Case;
 use super::candidate::{self, Candidate, Prospect};
-use super::hypothesis::Hypothesis;
+use super::hypothesis::{self, Hypothesis};
 use super::place::{self, Place};
-use crate::fit::{self, Estimate, Polished, Valley};
+use crate::fit::{self, Estimate, FitSettings, Polished, Valley};
 use eha_monitor::effect::{EFFECTS, EffectInfo};
 use rayon::prelude::*;
 
@@ -97,6 +97,23 @@ impl Hypothesis {
         let valley = Valley::around(rig, &ranges, &fit, case.train(), case.rig.faults.len());
         let candidate = Candidate { effect, ranges, fit: valley.bottom.clone() };
         Some(Trade { candidate, valley })
+    }
+
+    /// The best model with one of the effects that a declared fault trades with in another reading of its records, where it
+    /// costs less there than a bound: what was read so may be what makes up for the effect, as the fault does.
+    pub(super) fn traded(
+        &self,
+        here: &Case<'_>,
+        there: &Case<'_>,
+        settings: &FitSettings,
+        bound: impl Fn(f64) -> f64,
+    ) -> Option<Self> {
+        let effects: Vec<_> = self.trades(here).iter().map(|trade| trade.candidate.effect).collect();
+        let base = self.refitted(there);
+        let found = base.searched_in_all(there, &effects, settings, base.joint.misfit.chi_square);
+        let best = found.into_iter().min_by(hypothesis::lower)?;
+        let scale = best.scale();
+        (best.cost(scale) < bound(scale)).then_some(best)
     }
 
     /// The effects that a declared fault trades with and that gain more than their price.
