@@ -66,9 +66,7 @@ pub(crate) fn test() -> Result<(), Failure> {
 
 /// Runs the hard cases, which the tests leave out.
 pub(crate) fn hard() -> Result<(), Failure> {
-    let tests = ["--package", "host-sim", "--test", "confusion", "--test", "diagnose"];
-    let left_out = ["--", "--ignored", "--skip", WRITES];
-    run(cargo().args(["test", "--locked"]).args(tests).args(left_out))
+    run(suite().args(["--", "--ignored", "--skip", WRITES]))
 }
 
 /// With this the names of the tests begin that write documents.
@@ -93,9 +91,15 @@ pub(crate) fn blind(cases: &[u64], records: Option<&Path>) -> Result<(), Failure
 
 /// A test that writes a document, and shows it as it is made.
 fn written_by(test: &str) -> Command {
+    let mut suite = suite();
+    suite.args(["--", "--ignored", "--nocapture", test]);
+    suite
+}
+
+/// The tests of the host program from outside.
+fn suite() -> Command {
     let mut cargo = cargo();
-    cargo.args(["test", "--locked", "--package", "host-sim", "--test", "confusion", "--"]);
-    cargo.args(["--ignored", "--nocapture", test]);
+    cargo.args(["test", "--locked", "--package", "host-sim", "--test", "suite"]);
     cargo
 }
 

@@ -301,6 +301,13 @@ mod tests {
             let scale = fit.misfit.mean_square().max(1.0);
             let both = correlation_time(&records, &fit.predictions);
             assert!((fit.inflation / scale / both - 1.0).abs() < 1e-12, "{} {both}", fit.inflation / scale);
+            // What is handed on is as of white noise.
+            let handed_on = fit.polished();
+            let there = fit::polish(&rig, &rig.faults, &handed_on.values, &records).unwrap();
+            for fault in 0..2 {
+                let ratio = handed_on.standard_error(fault) / there.standard_error(fault);
+                assert!((ratio - 1.0).abs() < 0.05, "{fault}: {ratio}");
+            }
             (both, fit::correlation_time(&series(&records, &fit.predictions, 0)))
         };
         let (both, of_position) = fitted(0.1);

@@ -110,12 +110,13 @@ impl Fit {
         Rig { calibration: calibration.after(&rig.calibration), ..self.applied(rig) }
     }
 
-    /// What a fit without a search would have given there.
+    /// What a fit without a search would have given there: the covariance that white noise would make.
     pub fn polished(&self) -> Polished {
+        let of_white = |row: &Vec<f64>| row.iter().map(|entry| entry / self.inflation).collect();
         Polished {
             values: self.estimates.iter().map(|estimate| estimate.value).collect(),
             misfit: self.misfit,
-            covariance: self.covariance.clone(),
+            covariance: self.covariance.iter().map(of_white).collect(),
             evaluations: self.evaluations,
         }
     }

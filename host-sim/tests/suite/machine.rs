@@ -1,8 +1,7 @@
 //! A servo-hydraulic testing machine whose model is fitted to one record and foretells others, which go faster and pull
 //! harder. Skipped, with a message, where the measured data are not there.
 
-mod measured_data;
-
+use crate::measured_data;
 use eha_monitor::parameter::Parameter as P;
 use host_sim::diagnose::score;
 use host_sim::fit::{self, Prepared};

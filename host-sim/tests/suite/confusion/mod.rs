@@ -5,9 +5,6 @@
 //! confusion` and `cargo xtask blind` make them anew, which takes some twenty and thirty minutes; the tests make a part of
 //! them and compare.
 
-#[path = "../../../tests/common/mod.rs"]
-mod common;
-
 mod blind;
 mod cases;
 mod floor;

@@ -1,10 +1,10 @@
 //! Cases that nobody chose: drawn at random, and judged by the figures that matter to a user.
 
-use crate::cases::{
+use super::cases::{
     CHANNEL_SETS, Case, ChannelSet, Diagnosed, OUTSIDE, OUTSIDE_DRAWN, Outcome, PERIOD, Presence, Program,
 };
+use super::floor::{self, Shape};
 use crate::common::Rig as Truth;
-use crate::floor::{self, Shape};
 use eha_monitor::effect::{EFFECTS, EffectInfo, Port};
 use host_sim::diagnose::{self, Diagnosis};
 use host_sim::fit;

@@ -1,8 +1,7 @@
 //! An axis that a known controller drives: its force in closed loop, on measured data and on records of the model itself.
 //! What needs the measured data is skipped, with a message, where they are not there.
 
-mod measured_data;
-
+use crate::measured_data;
 use eha_monitor::channel::Channel;
 use eha_monitor::model::drive::Law;
 use eha_monitor::parameter::Parameter as P;

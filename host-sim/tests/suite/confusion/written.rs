@@ -1,9 +1,9 @@
 //! Cases that were hard once, written down: with the user position alone, and with what is to be found. Those with all of
 //! their digits were drawn, and are not hard where one is another.
 
-use crate::blind;
-use crate::cases::{CHANNEL_SETS, Case, Outcome, Presence, Program};
-use crate::floor::Shape;
+use super::blind;
+use super::cases::{CHANNEL_SETS, Case, Outcome, Presence, Program};
+use super::floor::Shape;
 use eha_monitor::effect::EffectInfo;
 use host_sim::rig::CommandPath;
 use rayon::prelude::*;

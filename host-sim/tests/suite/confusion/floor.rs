@@ -1,6 +1,6 @@
 //! The size from which an effect can be seen at all.
 
-use crate::cases::Case;
+use super::cases::Case;
 use eha_monitor::effect::{EFFECTS, EffectInfo};
 use eha_monitor::parameter::Parameter;
 

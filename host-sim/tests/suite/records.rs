@@ -1,10 +1,9 @@
 //! Records as a user meets them: text files in, messages and text files out.
 
-mod measured_data;
-
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use crate::measured_data;
 use eha_monitor::channel::Channel;
 use host_sim::record::{
     Loaded, Mapping, Problem, ReadOptions, Record, RecordError, parse_csv, read_csv, read_csv_with, save_csv,

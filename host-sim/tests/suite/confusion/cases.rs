@@ -1,7 +1,7 @@
 //! A case: an actuator with faults and effects, recorded by the plant, and what the diagnosis makes of it.
 
+use super::floor::{self, Shape};
 use crate::common::{Rig as Truth, plant};
-use crate::floor::{self, Shape};
 use eha_monitor::channel::Channel;
 use eha_monitor::effect::EffectInfo;
 use host_sim::diagnose::{self, Diagnosis, Verdict};

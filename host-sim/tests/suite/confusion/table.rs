@@ -1,6 +1,6 @@
 //! The document: rows of outcomes, and how they add up.
 
-use crate::cases::{CHANNEL_SETS, Case, ChannelSet, OUTSIDE, Outcome, Outside};
+use super::cases::{CHANNEL_SETS, Case, ChannelSet, OUTSIDE, Outcome, Outside};
 use eha_monitor::effect::{EFFECTS, Port};
 use rayon::prelude::*;
 use std::fmt::Write as _;
