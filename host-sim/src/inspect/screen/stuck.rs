@@ -3,7 +3,6 @@
 use super::runs;
 use super::spikes::{STEPS, after, before, steps};
 use crate::fit;
-use std::f64::consts::PI;
 use std::ops::Range;
 
 /// What nine in ten samples bend by at least where noise is alive, as a part of what half of them do: two thirds of what
@@ -13,6 +12,12 @@ const ALIVE: f64 = 0.124;
 const FINE: f64 = 0.05;
 /// How far from a step a value is on none, in steps.
 const OFF_STEP: f64 = 1e-3;
+/// Chance that noise at rest repeats a sample, for each step in standard deviations of it, and that it puts one on the line
+/// through its neighbours: the densities at 0 of the differences of two and of three.
+const REPEATED: f64 = 0.282;
+const ON_LINE: f64 = 0.163;
+/// Standard deviations within which a channel that rests stays.
+const AT_REST: f64 = 4.0;
 /// Samples that are tried for one that is on a step.
 const ORIGINS: usize = 8;
 /// Rounding of numbers in a file, as a part of the largest of a channel.
@@ -45,16 +50,25 @@ pub(super) fn filled(values: &[f64], model_error: f64) -> Vec<usize> {
     if !is_noisy(values, quantum.max(model_error)) {
         return between_steps(values, quantum);
     }
+    let noise = fit::noise_of_series(values);
     let straight = runs(&straight(values));
     let count = values.len() as f64;
     let by_chance = straight.iter().filter(|run| run.end < values.len()).count() as f64 + 1.0;
-    // So many in a row are in none of 10,000 records, if each is as likely as a run of them is.
-    let longest_by_chance = (CHANCE / count).ln() / (by_chance / count).ln();
+    // Each is as likely as a run of them is, or as noise makes it at rest.
+    let anywhere = by_chance / count;
+    let at_rest = anywhere.max((REPEATED + ON_LINE) * quantum / noise);
+    let rests = |run: &Range<usize>| {
+        let [low, high] = fit::extent(&values[run.start.saturating_sub(1)..values.len().min(run.end + 1)]);
+        high - low < AT_REST * noise
+    };
+    // So many in a row are in none of 10,000 records.
+    let longest = |chance: f64| ((CHANCE / count).ln() / chance.ln()).max(2.0);
     let [low, high] = fit::extent(values);
     let is_limit = |value: f64| value == low || value == high;
     let is_filled = |run: &Range<usize>| {
         let [from, to] = [values[run.start], values[run.end - 1]];
-        run.len() as f64 >= longest_by_chance.max(2.0) && !(from == to && is_limit(from))
+        let chance = if rests(run) { at_rest } else { anywhere };
+        run.len() as f64 >= longest(chance) && !(from == to && is_limit(from))
     };
     straight.into_iter().filter(is_filled).flatten().collect()
 }
@@ -111,8 +125,7 @@ pub(super) fn chance_of_repeat(values: &[f64], model_error: f64) -> f64 {
     if !is_noisy(values, quantum.max(model_error)) {
         return 1.0;
     }
-    // The difference of two is normal, its density at 0 is 1 / sqrt(4 pi) of the noise.
-    (quantum / (4.0 * PI).sqrt() / fit::noise_of_series(values)).min(1.0)
+    (REPEATED * quantum / fit::noise_of_series(values)).min(1.0)
 }
 
 /// Has a channel more noise than `least`, and at all times? What moves without noise bends now and then.
@@ -121,4 +134,35 @@ fn is_noisy(values: &[f64], least: f64) -> bool {
     bends.sort_by(f64::total_cmp);
     let quantile = |share: f64| bends.get((share * bends.len() as f64) as usize).copied().unwrap_or(0.0);
     fit::noise_of_series(values) > least && quantile(0.1) > ALIVE * quantile(0.5)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::filled;
+    use rand_distr::{Distribution, Normal};
+    use rand_xoshiro::Xoshiro256PlusPlus;
+    use rand_xoshiro::rand_core::SeedableRng;
+
+    #[test]
+    fn what_rests_on_a_step_that_is_no_larger_than_its_noise_is_not_filled_in() {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(3);
+        let normal = Normal::new(0.0, 1.6e-6).unwrap();
+        // A ram that rests for a fifth of the time, and moves faster than its noise in between.
+        let path = |k: u32| 2e-3 * (f64::from(k) * 6.3e-3).sin().clamp(-0.95, 0.95);
+        let mut read = |lost: std::ops::Range<usize>| -> Vec<f64> {
+            let step = 1.2e-6;
+            let mut values: Vec<f64> =
+                (0..1000).map(|k| ((path(k) + normal.sample(&mut random)) / step).round() * step).collect();
+            let word = values[lost.start];
+            values[lost].fill(word);
+            values
+        };
+        let called = (0..600).filter(|_| !filled(&read(0..0), 0.3e-6).is_empty()).count();
+        assert_eq!(called, 0);
+        // In motion, half as many are enough as at rest.
+        assert_eq!(filled(&read(500..512), 0.3e-6), (501..512).collect::<Vec<_>>());
+        let rests = 240..262;
+        let found = filled(&read(rests.clone()), 0.3e-6);
+        assert!(rests.skip(1).all(|sample| found.contains(&sample)), "{found:?}");
+    }
 }
