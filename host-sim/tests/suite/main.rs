@@ -16,7 +16,4 @@ mod intervals;
 mod machine;
 mod measured_data;
 mod records;
-mod records_damaged;
-mod records_mat;
-mod records_noise;
 mod steps;

@@ -22,7 +22,7 @@ fn row(row: usize) -> String {
     format!("{:.3},{},{}", row as f64 * 1e-3, position(row), position(row))
 }
 
-/// Records that are refused, with the place that the message names; `records.rs` has the messages in full. The first
+/// Records that are refused, with the place that the message names; `records/text.rs` has the messages in full. The first
 /// are those in which the position alone is wrong, of the number that is returned.
 fn refused() -> (Vec<(String, &'static str)>, usize) {
     let rows = [

@@ -18,7 +18,7 @@ use std::ops::Range as Between;
 use std::path::Path;
 
 /// Cases of the document: numbers that nobody had looked at when it was made.
-const FIRST: u64 = 24_152;
+const FIRST: u64 = 24_200;
 const COUNT: u64 = 48;
 /// Sizes of the effects, in their floors.
 const FAINTEST: f64 = 2.0;
@@ -27,6 +27,8 @@ const STRONGEST: f64 = 10.0;
 const LEAST_FLOOR: f64 = 1e-4;
 /// Coarsest steps of the positions, m: 12 bits over 80 mm.
 const COARSEST: f64 = 20e-6;
+/// Last digit of commands and positions in a file, m: steps are no whole number of it.
+const LAST_DIGIT: f64 = 1e-9;
 /// Sets of channels: each case has one.
 static SETS: [&ChannelSet; 2] = [&CHANNEL_SETS[0], &CHANNEL_SETS[2]];
 /// What the cases are, in turn.
@@ -240,6 +242,7 @@ impl Case {
             rule: *one_of(&mut random, &[Rule::Midpoint, Rule::SemiImplicitEuler]),
             is_exact: set.channels.len() > 1 && *one_of(&mut random, &[false, true]),
             later: if random.uniform() < 0.5 { PERIOD * random.uniform() } else { 0.0 },
+            last_digit: LAST_DIGIT,
         };
         case
     }
@@ -255,7 +258,7 @@ impl Case {
         });
         let all: Vec<String> = effects.chain(outside).collect();
         let what = if all.is_empty() { "nothing".to_owned() } else { all.join(" and ") };
-        let Program { path, later, rule, is_exact } = self.program;
+        let Program { path, later, rule, is_exact, .. } = self.program;
         let words = [
             (path == CommandPath::Curve, ", curve"),
             (later > 0.0, ", between"),
@@ -434,7 +437,7 @@ pub(crate) fn document() -> String {
          Made by `cargo xtask blind`; do not edit. {COUNT} actuators of the independent plant (`tests/plant`), everything drawn \
          at random: faults (0.05 to 1 mm, 200 to 3000 N), effects of the catalogue at {FAINTEST} to {STRONGEST} times their floor \
          (see [confusion.md](confusion.md)) with either sign, or something outside it, half to twice as strong and as fast; \
-         1 to 10 um of noise, half of the records in steps of half to ten times that (at most 20 um); a chirp of 3 to 10 mm and a mixed \
+         1 to 10 um of noise, half of the records in steps of half to ten times that (at most 20 um), all written to the nanometre; a chirp of 3 to 10 mm and a mixed \
          command of 1 to 5 s are fitted, 1 to 2 s of another command are held out; half of the actuators fly the commands in straight \
          lines between the samples of their records, half as the continuous functions (*curve*) that they are; half start their commands a part of a sample after the first one, so that \
          jumps and corners come *between* samples; half step as the \

@@ -128,6 +128,8 @@ pub(crate) struct Program {
     pub(crate) rule: Rule,
     /// Is there noise in the user position only, and none in the other channels?
     pub(crate) is_exact: bool,
+    /// Last digit in which commands and positions are written, m; 0 where all are.
+    pub(crate) last_digit: f64,
 }
 
 /// What the faults alone leave of noise-free records.
@@ -286,6 +288,12 @@ impl Case {
             CommandPath::Curve => plant.simulate(command, *samples, DEFAULT_STEP),
             CommandPath::Held => plant.simulate(&command.held(*samples, PERIOD), *samples, DEFAULT_STEP),
         };
+        let written = |values: &mut Vec<f64>| {
+            if self.program.last_digit > 0.0 {
+                quantise(values, self.program.last_digit);
+            }
+        };
+        written(&mut data.command);
         let mut channels = vec![(Channel::Command, data.command.clone())];
         let series = [&mut data.lvdt, &mut data.ram, &mut data.current, &mut data.pressure];
         for (channel, (values, noise)) in
@@ -296,6 +304,9 @@ impl Case {
             add_noise(values, noise, self.seed.wrapping_mul(1000) + index as u64 * 10 + channel as u64);
             if noise == self.noise[0] && self.quantum > 0.0 {
                 quantise(values, self.quantum);
+            }
+            if matches!(channel, Channel::UserPosition | Channel::RamPosition) {
+                written(values);
             }
             if self.set.channels.contains(&channel) {
                 channels.push((channel, values.clone()));

@@ -90,8 +90,8 @@ fn mat_never_panics() {
             .expect("in memory");
         builder.finish().expect("in memory")
     };
-    let compressed = include_bytes!("../data/scipy.mat").to_vec();
-    let plain = include_bytes!("../data/scipy_plain.mat").to_vec();
+    let compressed = include_bytes!("../../data/scipy.mat").to_vec();
+    let plain = include_bytes!("../../data/scipy_plain.mat").to_vec();
     for plain in [level73, compressed, plain] {
         for _ in 0..ROUNDS {
             let options = some_options(&mut random);
