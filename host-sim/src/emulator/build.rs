@@ -146,6 +146,12 @@ impl BuildOptions {
         let cpu = self.cpu.name();
         let lean = LEAN.map(|flag| format!(",'{flag}'")).concat();
         cargo.arg("--config").arg(format!("target.{TARGET}.rustflags=['-Ctarget-cpu={cpu}'{lean}]"));
+        // Code that is built in pieces takes more instructions, and the profile is the workspace's.
+        cargo.env("CARGO_INCREMENTAL", "0");
+        let is_of_profile = |name: &String| name.starts_with("CARGO_PROFILE_RELEASE_");
+        for name in env::vars_os().filter_map(|(name, _)| name.into_string().ok()).filter(is_of_profile) {
+            cargo.env_remove(name);
+        }
         cargo
     }
 
