@@ -32,6 +32,15 @@ const SELDOM: usize = 20;
 /// What fourth differences make of white noise: `sqrt(1 + 16 + 36 + 16 + 1)`.
 const OF_FIVE: f64 = 8.366_600_265_340_756;
 
+/// Relative standard error of a standard deviation that is the root mean square, or the median, of fourth differences, times the
+/// root of their number. That of independent ones is `sqrt(1/2)`, or `sqrt(1.36)`; neighbours have most of their samples in
+/// common, so that 2.63 of them say what one says, the sum of the squares of their correlations.
+const ERROR_OF_RMS: f64 = 1.147;
+const ERROR_OF_MEDIAN: f64 = 1.891;
+
+/// Standard errors by which an estimate of noise may be too large.
+const UNSURE: f64 = 2.0;
+
 /// Part of the magnitudes of a noise, the smallest, that steps and reversals are not among, and their root mean square in
 /// standard deviations of all of it.
 const USUAL: f64 = 0.98;
@@ -122,10 +131,20 @@ pub fn pooled(records: impl Iterator<Item = [f64; MEASURED]>) -> [f64; MEASURED]
 /// mostly zero differences: the noise is then not below that of the quantum, `q/sqrt(12)`. Where the samples that are not
 /// missing are [sparse](is_sparse), they are taken for neighbours.
 pub fn noise_of_series(values: &[f64]) -> f64 {
+    shown_by(values, |spread| spread.deviation)
+}
+
+/// What that is at least: no scatter of the differences makes more of less.
+pub(super) fn least_noise_of_series(values: &[f64]) -> f64 {
+    shown_by(values, |spread| spread.deviation * (1.0 - UNSURE * spread.relative_error).max(0.0))
+}
+
+/// What is taken for the standard deviation of the white part of a series, given how its differences spread.
+fn shown_by(values: &[f64], deviation: impl Fn(Spread) -> f64) -> f64 {
     let present = present(values);
     let values = if is_sparse(values) { &present } else { values };
     let quantum = quantum(values);
-    spread(values, quantum).max(quantum / 12.0_f64.sqrt())
+    deviation(spread(values, quantum)).max(quantum / 12.0_f64.sqrt())
 }
 
 /// Are hardly any five samples in a row there, as where a sensor is read at every second one?
@@ -138,13 +157,21 @@ pub fn present(values: &[f64]) -> Vec<f64> {
     values.iter().copied().filter(|value| value.is_finite()).collect()
 }
 
+/// White noise as fourth differences tell it.
+struct Spread {
+    /// Its standard deviation.
+    deviation: f64,
+    /// Standard error of that, as a part of it.
+    relative_error: f64,
+}
+
 /// Standard deviation of the white part of a series from its fourth differences alone, those of values that are
 /// multiples of a quantum (0: of any). Where that is larger than the noise, a rest or a slow motion makes patterns of them:
 /// those are looked at then over which the motion goes on by two steps, where it does so at one in ten.
-fn spread(values: &[f64], quantum: f64) -> f64 {
+fn spread(values: &[f64], quantum: f64) -> Spread {
     let mut differences: Vec<f64> = fourth_differences(values).collect();
     if differences.is_empty() {
-        return 0.0;
+        return Spread { deviation: 0.0, relative_error: 0.0 };
     }
     let of_all = rms(differences.iter().copied()) / OF_FIVE;
     if quantum > of_all {
@@ -153,12 +180,18 @@ fn spread(values: &[f64], quantum: f64) -> f64 {
         if 10 * moving.len() > differences.len() {
             moving.sort_by(f64::total_cmp);
             let usual = (USUAL * moving.len() as f64) as usize;
-            return rms(moving[..usual].iter().copied()) / RMS_OF_USUAL / OF_FIVE;
+            return Spread {
+                deviation: rms(moving[..usual].iter().copied()) / RMS_OF_USUAL / OF_FIVE,
+                relative_error: ERROR_OF_RMS / (moving.len() as f64).sqrt(),
+            };
         }
     }
     differences.sort_by(f64::total_cmp);
     let of_most = median(&differences, quantum) / 0.674_489_75 / OF_FIVE;
-    if quantum > COARSE * of_all { of_most.min(of_all) } else { of_most }
+    Spread {
+        deviation: if quantum > COARSE * of_all { of_most.min(of_all) } else { of_most },
+        relative_error: ERROR_OF_MEDIAN / (differences.len() as f64).sqrt(),
+    }
 }
 
 /// Magnitudes of the fourth differences of a series, where none of their samples is missing: what is smooth over five
@@ -340,9 +373,13 @@ mod tests {
     use super::*;
 
     fn noisy(count: usize, sigma: f64, signal: impl Fn(f64) -> f64) -> Vec<f64> {
+        drawn(5, count, sigma, signal)
+    }
+
+    fn drawn(seed: u64, count: usize, sigma: f64, signal: impl Fn(f64) -> f64) -> Vec<f64> {
         use rand_distr::{Distribution, Normal};
         use rand_xoshiro::rand_core::SeedableRng;
-        let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(5);
+        let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(seed);
         let normal = Normal::new(0.0, sigma).unwrap();
         (0..count).map(|k| signal(k as f64 * 1e-3) + normal.sample(&mut random)).collect()
     }
@@ -379,7 +416,9 @@ mod tests {
         for quantum in [1e-6, 2e-6, 3.3e-6, 5e-6, 7.7e-6, 1e-5, 1.3e-5] {
             let values: Vec<f64> = fine.iter().map(|x| (x / quantum).round() * quantum).collect();
             let truth = (5e-6_f64.powi(2) + quantum.powi(2) / 12.0).sqrt();
-            for (worst, found) in worst.iter_mut().zip([noise_of_series(&values), spread(&values, 0.0)]) {
+            for (worst, found) in
+                worst.iter_mut().zip([noise_of_series(&values), spread(&values, 0.0).deviation])
+            {
                 *worst = worst.max((found / truth - 1.0).abs());
             }
         }
@@ -398,6 +437,25 @@ mod tests {
                 let found = noise_of_series(&values);
                 assert!((found / truth - 1.0).abs() < 0.1, "{quantum} {sigma}: {found} {truth}");
             }
+        }
+    }
+
+    #[test]
+    fn the_least_noise_of_a_series_is_not_more_than_there_is() {
+        for quantum in [1e-9, 1.5, 3.0, 4.5] {
+            let truth = 1.0_f64.hypot(quantum / 12.0_f64.sqrt());
+            let shown = (0..200).map(|seed| {
+                let fine = drawn(seed, 800, 1.0, |t| 800.0 * (31.4 * t + seed as f64).sin());
+                let values: Vec<f64> = fine.iter().map(|x| (x / quantum).round() * quantum).collect();
+                [noise_of_series(&values), least_noise_of_series(&values)]
+            });
+            let shown: Vec<[f64; 2]> = shown.collect();
+            let too_much = [0, 1].map(|which| shown.iter().filter(|noise| noise[which] > truth).count());
+            // The likeliest is the control.
+            assert!(too_much[0] > 60 && too_much[1] <= 12, "{quantum}: {too_much:?}");
+            let in_errors =
+                rms(shown.iter().map(|[noise, least]| UNSURE * (noise - truth) / (noise - least)));
+            assert!((in_errors - 1.0).abs() < 0.25, "{quantum}: {in_errors}");
         }
     }
 

@@ -4,7 +4,8 @@ use super::colour::{as_white, in_differences};
 use super::effort::Effort;
 use super::measured::{CURRENT, RAM, USER};
 use super::noise::{
-    MODEL_ERROR, command_step, correlation_time, differences, noise_of, present, quantum, rms,
+    MODEL_ERROR, command_step, correlation_time, differences, least_noise_of_series, noise_of, present,
+    quantum, rms,
 };
 use crate::record::Record;
 use crate::rig::{Knots, Rig};
@@ -76,7 +77,8 @@ pub struct Prepared {
 pub struct Steps {
     /// One of them, in the channel's unit.
     pub step: f64,
-    /// What the channel may be off by them, rms, in its unit, as far as the noise that a record shows leaves it.
+    /// What the channel may be off by them, rms, in its unit, as far as the noise that is stated, or that a record shows at
+    /// least, leaves it.
     pub error: f64,
 }
 
@@ -192,12 +194,15 @@ impl Prepared {
 
     /// The same record with the error that each sensor's steps cause. While the motion rests, a sensor that is read in steps
     /// repeats one and the same rounding error, unless noise of its own spreads the readings over several steps. That error
-    /// is taken to be the first harmonic of the rounding saw tooth, reduced by the noise.
-    fn with_steps_of_sensors(mut self) -> Self {
+    /// is taken to be the first harmonic of the rounding saw tooth, reduced by the noise: by what the rig states, else by what
+    /// the record shows at least.
+    fn with_steps_of_sensors(mut self, rig: &Rig) -> Self {
         for channel in 0..MEASURED {
             let step = quantum(&present(&self.measured[channel]));
             if step > MODEL_ERROR[channel] {
-                let noise = (self.noise[channel].powi(2) - step * step / 12.0).max(0.0) / (step * step);
+                let stated = rig.noise_of(Channel::MEASURED[channel]);
+                let noise = stated.unwrap_or_else(|| least_noise_of_series(&self.measured[channel]));
+                let noise = (noise.powi(2) - step * step / 12.0).max(0.0) / (step * step);
                 let error = step / PI * (-2.0 * PI * PI * noise).exp() / SQRT_2;
                 self.steps[channel] = Some(Steps { step, error });
             }
@@ -370,7 +375,7 @@ impl Prepared {
 /// Makes a record ready for a rig; the noise is what the rig states or the record shows. A command loses nothing to the
 /// step in which it was recorded where a controller that is known takes its samples as they are.
 pub fn prepare(rig: &Rig, record: &Record) -> Prepared {
-    let prepared = prepare_with(rig, record, noise_of(rig, record)).with_steps_of_sensors();
+    let prepared = prepare_with(rig, record, noise_of(rig, record)).with_steps_of_sensors(rig);
     let command = record.channel(Channel::Command).filter(|_| rig.controller.is_none());
     match command.map_or(0.0, command_step) {
         0.0 => prepared,
