@@ -35,7 +35,7 @@ pub use noise::{
     differences, fourth_differences, is_sparse, longest_correlation_time, noise_of, noise_of_series,
     noise_source, pooled, present, quantum, residual_series, rms, shown_noise,
 };
-pub use periodogram::{periodograms, strongest_tone};
+pub use periodogram::{correlations, periodograms, strongest_tone};
 pub use polish::{Polished, approach, foresee, misfit, misfit_within, polish};
 pub use prepare::{Prepared, Steps, prepare, prepare_with};
 pub use reading::{AsRead, Reading, fit_as_read, is_command_late, on_path, speaks_for};

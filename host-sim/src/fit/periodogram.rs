@@ -1,7 +1,9 @@
 //! Power over frequency of pieces of a series, and what its transform tells of the whole.
 
-use realfft::RealFftPlanner;
+use realfft::num_complex::Complex;
+use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 /// Periodograms of the pieces of series (one for each record; NaN is a sample that is not compared), `length` samples
 /// each, from 0 Hz to half the sampling rate: mean of the series removed, Hann window, half overlap (Welch 1967). Each
@@ -62,26 +64,105 @@ pub fn strongest_tone(series: &[f64], sample_period: f64) -> Option<(f64, f64)> 
 pub(super) fn autocorrelations(all: &[Vec<f64>]) -> Vec<f64> {
     let longest = all.iter().map(Vec::len).max().unwrap_or(0);
     // As much again of nothing: the end does not meet the beginning.
-    let length = (2 * longest).next_power_of_two();
-    let mut planner = RealFftPlanner::<f64>::new();
-    let (forward, inverse) = (planner.plan_fft_forward(length), planner.plan_fft_inverse(length));
-    let mut power = forward.make_output_vec();
+    let products = Products::over(2 * longest);
+    let mut power = products.forward.make_output_vec();
     for one in all {
-        let mut input = vec![0.0; length];
-        for (slot, value) in input.iter_mut().zip(one).filter(|(_, value)| value.is_finite()) {
-            *slot = *value;
-        }
-        let mut lines = forward.make_output_vec();
-        if forward.process(&mut input, &mut lines).is_ok() {
-            for (sum, line) in power.iter_mut().zip(lines) {
-                sum.re += line.norm_sqr();
-            }
+        let finite = one.iter().map(|&value| if value.is_finite() { value } else { 0.0 });
+        for (sum, line) in power.iter_mut().zip(products.transformed(finite)) {
+            sum.re += line.norm_sqr();
         }
     }
-    let mut products = inverse.make_output_vec();
-    if inverse.process(&mut power, &mut products).is_err() {
-        return Vec::new();
+    products.back(power, longest)
+}
+
+/// Correlations of a series with another one so many samples earlier as the index says, fewer than `count`, each over the
+/// samples that both have; 0 where one of them does not move over those.
+pub fn correlations(later: &[f64], earlier: &[f64], count: usize) -> Vec<f64> {
+    let products = Products::over(later.len().max(earlier.len()) + count);
+    // Of each series those of its samples that are there, their sum and that of their squares, about its mean.
+    let moments = |series: &[f64]| {
+        let (mean, mean_square) = mean_and_square(series);
+        let of = |moment: &dyn Fn(f64) -> f64| {
+            let there = |&value: &f64| if value.is_finite() { moment(value - mean) } else { 0.0 };
+            products.transformed(series.iter().map(there))
+        };
+        ([of(&|_| 1.0), of(&|value| value), of(&|value| value * value)], mean_square)
+    };
+    let ([later_there, later_sum, later_squares], later_square) = moments(later);
+    let ([earlier_there, earlier_sum, earlier_squares], earlier_square) = moments(earlier);
+    let over = |later: &[Complex<f64>], earlier: &[Complex<f64>]| {
+        let lines = later.iter().zip(earlier).map(|(later, earlier)| later * earlier.conj());
+        products.back(lines.collect(), count)
+    };
+    let pairs = over(&later_there, &earlier_there);
+    let [sums, other_sums] = [over(&later_sum, &earlier_there), over(&later_there, &earlier_sum)];
+    let [squares, other_squares] =
+        [over(&later_squares, &earlier_there), over(&later_there, &earlier_squares)];
+    let both = over(&later_sum, &earlier_sum);
+    let correlation = |delay: usize| {
+        let pairs = pairs[delay].round().max(1.0);
+        let spread = |squares: f64, sum: f64, usual: f64| {
+            let spread = squares - sum * sum / pairs;
+            (spread > STILL * usual * pairs).then_some(spread)
+        };
+        let spread_of_later = spread(squares[delay], sums[delay], later_square);
+        let spread_of_earlier = spread(other_squares[delay], other_sums[delay], earlier_square);
+        let product = both[delay] - sums[delay] * other_sums[delay] / pairs;
+        spread_of_later
+            .zip(spread_of_earlier)
+            .map_or(0.0, |(later, earlier)| product / (later * earlier).sqrt())
+    };
+    (0..count).map(correlation).collect()
+}
+
+/// Mean square about their mean of the samples of a stretch, in that of the whole series, below which they are taken to be at
+/// rest: what sums of products lose to rounding is far less.
+const STILL: f64 = 1e-9;
+
+/// Mean of the samples of a series that are there, and their mean square about it.
+fn mean_and_square(series: &[f64]) -> (f64, f64) {
+    let there = || series.iter().filter(|value| value.is_finite());
+    let count = there().count().max(1) as f64;
+    let mean = there().sum::<f64>() / count;
+    (mean, there().map(|value| (value - mean).powi(2)).sum::<f64>() / count)
+}
+
+/// Transforms in which the sums of the products of two series, one later than the other, are products.
+struct Products {
+    forward: Arc<dyn RealToComplex<f64>>,
+    inverse: Arc<dyn ComplexToReal<f64>>,
+}
+
+impl Products {
+    /// Over so many samples, or more.
+    fn over(samples: usize) -> Self {
+        let length = samples.next_power_of_two();
+        let mut planner = RealFftPlanner::<f64>::new();
+        Self { forward: planner.plan_fft_forward(length), inverse: planner.plan_fft_inverse(length) }
     }
-    products.truncate(longest);
-    products.iter().map(|product| product / length as f64).collect()
+
+    /// A series, followed by nothing.
+    fn transformed(&self, series: impl Iterator<Item = f64>) -> Vec<Complex<f64>> {
+        let mut input = self.forward.make_input_vec();
+        for (slot, value) in input.iter_mut().zip(series) {
+            *slot = value;
+        }
+        let mut lines = self.forward.make_output_vec();
+        let done = self.forward.process(&mut input, &mut lines);
+        done.expect("both are as long as the transform");
+        lines
+    }
+
+    /// Sums of products from their transform, for the first delays.
+    fn back(&self, mut lines: Vec<Complex<f64>>, delays: usize) -> Vec<f64> {
+        // Those of real series are real there; rounding may have made something else of it.
+        let [first, last] = [0, lines.len() - 1];
+        lines[first].im = 0.0;
+        lines[last].im = 0.0;
+        let mut sums = self.inverse.make_output_vec();
+        let done = self.inverse.process(&mut lines, &mut sums);
+        done.expect("both are as long as the transform");
+        let length = sums.len() as f64;
+        sums.iter().take(delays).map(|sum| sum / length).collect()
+    }
 }

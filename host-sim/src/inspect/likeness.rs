@@ -27,13 +27,13 @@ pub(super) fn likeness(later: &[f64], earlier: &[f64], period: f64) -> Vec<f64> 
     }
     let most = ((LONGEST_DELAY_S / period) as usize).min(later.len() / 4);
     let half = repeats_after(earlier, 2 * most).map_or(most, |repeats| repeats / 2);
-    (0..=most.min(half)).map(|delay| correlation(&later[delay..], earlier)).collect()
+    fit::correlations(later, earlier, most.min(half) + 1)
 }
 
 /// After how many samples a series repeats itself, so many at most.
 fn repeats_after(series: &[f64], most: usize) -> Option<usize> {
     let most = most.min(series.len() / 2);
-    let mut alike = (1..most).map(|delay| (delay, correlation(&series[delay..], series)));
+    let mut alike = fit::correlations(series, series, most).into_iter().enumerate().skip(1);
     // It has to have been another one in between.
     alike.find(|(_, alike)| *alike < 0.0)?;
     let (mut best, mut highest) = alike.find(|(_, alike)| *alike > PERIODIC)?;
@@ -103,6 +103,32 @@ mod tests {
         let found = response(&likeness(&position, &command, 1e-3), 1e-3).unwrap();
         assert!((found.delay_s - 0.0123).abs() < 2e-4 && found.correlation > 0.999, "{found:?}");
         assert!(likeness(&position, &[0.0; 2000], 1e-3).is_empty());
+    }
+
+    #[test]
+    fn a_likeness_is_the_correlation_over_the_samples_that_both_have() {
+        let wave = |k: usize, of: f64| (of * k as f64).sin() + 0.3 * (of * 3.7 * k as f64).cos() + 40.0;
+        // One moves in its first half only.
+        let mut later: Vec<f64> = (0..1000).map(|k| wave(k.min(500), 0.031)).collect();
+        let mut earlier: Vec<f64> = (0..900).map(|k| wave(k, 0.047)).collect();
+        let all = |later: &[f64], earlier: &[f64]| fit::correlations(later, earlier, 700);
+        let complete = all(&later, &earlier);
+        for sample in (0..1000).filter(|k| k * k % 7 < 3) {
+            later[sample] = f64::NAN;
+            if let Some(value) = earlier.get_mut(sample * 5 % 900) {
+                *value = f64::NAN;
+            }
+        }
+        let alike = all(&later, &earlier);
+        for delay in 0..700 {
+            let direct = correlation(&later[delay..], &earlier);
+            assert!((alike[delay] - direct).abs() < 1e-9, "{delay}: {} {direct}", alike[delay]);
+        }
+        let off = (0..500).map(|delay| (alike[delay] - complete[delay]).abs()).fold(0.0, f64::max);
+        assert!(off > 0.01, "what is lost counts: {off}");
+        assert!(
+            alike[..400].iter().all(|alike| *alike != 0.0) && alike[510..].iter().all(|alike| *alike == 0.0)
+        );
     }
 
     #[test]
