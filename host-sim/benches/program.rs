@@ -1,4 +1,4 @@
-//! Time of a diagnosis: `cargo bench -p host-sim --bench program`.
+//! Time of a diagnosis, and of a look at a record of a fast logger: `cargo bench -p host-sim --bench program`.
 #![allow(missing_docs, reason = "the macros of the harness make public functions")]
 
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -35,9 +35,21 @@ fn diagnosis(criterion: &mut Criterion) {
     }
 }
 
+/// A minute at 10 kHz and as many samples at 1 kHz: what is longest in time is not to be longest in samples.
+fn fast_record(criterion: &mut Criterion) {
+    let directory = tempfile::tempdir().expect("a directory");
+    for (rate, period, duration) in [("1 kHz", "1e-3", "600"), ("10 kHz", "1e-4", "60")] {
+        let sine = ["--model", "lf", "--command", "sine", "--frequency", "0.7", "--period", period];
+        let file = simulate(directory.path(), "fast.csv", &[&sine[..], &["--duration", duration]].concat());
+        criterion.bench_function(&format!("check of 600,000 samples at {rate}, whole program"), |bencher| {
+            bencher.iter(|| host_sim(&["check"], std::slice::from_ref(&file)));
+        });
+    }
+}
+
 criterion_group! {
     name = benches;
     config = Criterion::default().sample_size(10);
-    targets = diagnosis
+    targets = diagnosis, fast_record
 }
 criterion_main!(benches);
