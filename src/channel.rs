@@ -95,6 +95,9 @@ impl Channel {
     /// The channels that the model predicts, in the order of its outputs.
     pub const MEASURED: [Self; 4] = [Self::UserPosition, Self::RamPosition, Self::Current, Self::Pressure];
 
+    /// Those of them that are positions, which cannot jump.
+    pub const POSITIONS: [Self; 2] = [Self::UserPosition, Self::RamPosition];
+
     /// The row of [`CHANNELS`] for this channel.
     pub fn info(self) -> &'static ChannelInfo {
         CHANNELS.iter().find(|row| row.channel == self).unwrap_or(&CHANNELS[0])

@@ -75,56 +75,61 @@ pub(super) fn autocorrelations(all: &[Vec<f64>]) -> Vec<f64> {
     products.back(power, longest)
 }
 
-/// Correlations of a series with another one so many samples earlier as the index says, fewer than `count`, each over the
-/// samples that both have; 0 where one of them does not move over those.
-pub fn correlations(later: &[f64], earlier: &[f64], count: usize) -> Vec<f64> {
-    let products = Products::over(later.len().max(earlier.len()) + count);
-    // Of each series those of its samples that are there, their sum and that of their squares, about its mean.
-    let moments = |series: &[f64]| {
-        let (mean, mean_square) = mean_and_square(series);
-        let of = |moment: &dyn Fn(f64) -> f64| {
-            let there = |&value: &f64| if value.is_finite() { moment(value - mean) } else { 0.0 };
-            products.transformed(series.iter().map(there))
-        };
-        ([of(&|_| 1.0), of(&|value| value), of(&|value| value * value)], mean_square)
-    };
-    let ([later_there, later_sum, later_squares], later_square) = moments(later);
-    let ([earlier_there, earlier_sum, earlier_squares], earlier_square) = moments(earlier);
-    let over = |later: &[Complex<f64>], earlier: &[Complex<f64>]| {
-        let lines = later.iter().zip(earlier).map(|(later, earlier)| later * earlier.conj());
-        products.back(lines.collect(), count)
-    };
-    let pairs = over(&later_there, &earlier_there);
-    let [sums, other_sums] = [over(&later_sum, &earlier_there), over(&later_there, &earlier_sum)];
-    let [squares, other_squares] =
-        [over(&later_squares, &earlier_there), over(&later_there, &earlier_squares)];
-    let both = over(&later_sum, &earlier_sum);
-    let correlation = |delay: usize| {
-        let pairs = pairs[delay].round().max(1.0);
-        let spread = |squares: f64, sum: f64, usual: f64| {
-            let spread = squares - sum * sum / pairs;
-            (spread > STILL * usual * pairs).then_some(spread)
-        };
-        let spread_of_later = spread(squares[delay], sums[delay], later_square);
-        let spread_of_earlier = spread(other_squares[delay], other_sums[delay], earlier_square);
-        let product = both[delay] - sums[delay] * other_sums[delay] / pairs;
-        spread_of_later
-            .zip(spread_of_earlier)
-            .map_or(0.0, |(later, earlier)| product / (later * earlier).sqrt())
-    };
-    (0..count).map(correlation).collect()
-}
-
 /// Mean square about their mean of the samples of a stretch, in that of the whole series, below which they are taken to be at
 /// rest: what sums of products lose to rounding is far less.
 const STILL: f64 = 1e-9;
 
-/// Mean of the samples of a series that are there, and their mean square about it.
-fn mean_and_square(series: &[f64]) -> (f64, f64) {
-    let there = || series.iter().filter(|value| value.is_finite());
-    let count = there().count().max(1) as f64;
-    let mean = there().sum::<f64>() / count;
-    (mean, there().map(|value| (value - mean).powi(2)).sum::<f64>() / count)
+/// Correlations of a series with another one so many samples earlier as the index says, fewer than `count`, each over the
+/// samples that both have; 0 where one of them does not move over those.
+pub fn correlations(later: &[f64], earlier: &[f64], count: usize) -> Vec<f64> {
+    let products = Products::over(later.len().max(earlier.len()) + count);
+    let [later, earlier] = [later, earlier].map(|series| Moments::of(series, &products));
+    let over = |later: &[Complex<f64>], earlier: &[Complex<f64>]| {
+        let lines = later.iter().zip(earlier).map(|(later, earlier)| later * earlier.conj());
+        products.back(lines.collect(), count)
+    };
+    let pairs = over(&later.there, &earlier.there);
+    let sums = [over(&later.sum, &earlier.there), over(&later.there, &earlier.sum)];
+    let squares = [over(&later.squares, &earlier.there), over(&later.there, &earlier.squares)];
+    let both = over(&later.sum, &earlier.sum);
+    let still = [later.mean_square, earlier.mean_square].map(|usual| STILL * usual);
+    let correlation = |delay: usize| {
+        let pairs = pairs[delay].round().max(1.0);
+        let product = both[delay] - sums[0][delay] * sums[1][delay] / pairs;
+        let spreads = [0, 1].map(|which| squares[which][delay] - sums[which][delay].powi(2) / pairs);
+        let moves = |which: usize| spreads[which] > still[which] * pairs;
+        if moves(0) && moves(1) { product / (spreads[0] * spreads[1]).sqrt() } else { 0.0 }
+    };
+    (0..count).map(correlation).collect()
+}
+
+/// Transforms of which of its samples a series has, of those samples and of their squares, about its mean.
+struct Moments {
+    there: Vec<Complex<f64>>,
+    sum: Vec<Complex<f64>>,
+    squares: Vec<Complex<f64>>,
+    /// Mean of the squares.
+    mean_square: f64,
+}
+
+impl Moments {
+    fn of(series: &[f64], products: &Products) -> Self {
+        let there = || series.iter().filter(|value| value.is_finite());
+        let mean_of = |moment: &dyn Fn(f64) -> f64| {
+            there().map(|&value| moment(value)).sum::<f64>() / there().count().max(1) as f64
+        };
+        let mean = mean_of(&|value| value);
+        let of = |moment: &dyn Fn(f64) -> f64| {
+            let or_nothing = |&value: &f64| if value.is_finite() { moment(value - mean) } else { 0.0 };
+            products.transformed(series.iter().map(or_nothing))
+        };
+        Self {
+            there: of(&|_| 1.0),
+            sum: of(&|value| value),
+            squares: of(&|value| value * value),
+            mean_square: mean_of(&|value| (value - mean).powi(2)),
+        }
+    }
 }
 
 /// Transforms in which the sums of the products of two series, one later than the other, are products.

@@ -346,10 +346,9 @@ fn mean_difference(one: &[f64], other: &[f64]) -> f64 {
 
 /// A ram that has the play which the user's position has to have.
 fn ram_behind_user(record: &Record, noise: [f64; Channel::MEASURED.len()]) -> Vec<String> {
-    let pair = [Channel::UserPosition, Channel::RamPosition];
-    let [user, ram] = pair.map(|channel| record.channel(channel).unwrap_or_default());
+    let [user, ram] = Channel::POSITIONS.map(|channel| record.channel(channel).unwrap_or_default());
     let of_noise: f64 = iter::zip(Channel::MEASURED, noise)
-        .filter(|(channel, noise)| pair.contains(channel) && noise.is_finite())
+        .filter(|(channel, noise)| Channel::POSITIONS.contains(channel) && noise.is_finite())
         .map(|(_, noise)| noise * noise)
         .sum();
     let period = record.sample_period_s();
@@ -359,7 +358,7 @@ fn ram_behind_user(record: &Record, noise: [f64; Channel::MEASURED.len()]) -> Ve
     let remark = || {
         format!(
             "ram_m rests where lvdt_m turns, as if the play of the linkage were its own: are their columns swapped? {}",
-            exchanged(record, pair)
+            exchanged(record, Channel::POSITIONS)
         )
     };
     is_swapped.then(remark).into_iter().collect()

@@ -211,7 +211,7 @@ impl Rig {
     pub fn measurable(&self) -> &'static [Channel] {
         match self.form.drive {
             Drive::Valve => &Channel::MEASURED,
-            Drive::Force => &[Channel::UserPosition, Channel::RamPosition],
+            Drive::Force => &Channel::POSITIONS,
         }
     }
 

@@ -135,23 +135,21 @@ fn defects(rig: &Rig, record: &Record) -> Vec<Defects> {
     let is_zero = |sample: usize| record.channels().all(|(_, values)| values[sample] == 0.0);
     let (lost, flown): (Vec<usize>, Vec<usize>) =
         spikes(&command, least, None).into_iter().partition(|&sample| {
-            let is_defect =
-                |of: &Defects| is_position(of.channel) && of.samples().any(|other| other == sample);
+            let is_defect = |of: &Defects| {
+                Channel::POSITIONS.contains(&of.channel) && of.samples().any(|other| other == sample)
+            };
             all.iter().any(is_defect) || is_zero(sample)
         });
     for of in &mut all {
         // A controller answers a spike of its command with one of its own.
-        of.spikes.retain(|sample| is_position(of.channel) || flown.binary_search(sample).is_err());
+        of.spikes.retain(|sample| {
+            Channel::POSITIONS.contains(&of.channel) || flown.binary_search(sample).is_err()
+        });
         merge(&mut of.spikes, lost.iter().copied());
     }
     all.push(Defects { spikes: lost, stuck: repeated, flown, ..Defects::none(Channel::Command) });
     all.retain(|of| *of != Defects::none(of.channel));
     all
-}
-
-/// Is it a channel that cannot jump?
-const fn is_position(channel: Channel) -> bool {
-    matches!(channel, Channel::UserPosition | Channel::RamPosition)
 }
 
 /// Adds samples to others, all in order.
@@ -188,13 +186,13 @@ fn of_sensor(
     let values = of(&fresh);
     let least = SPIKE_SIGMA * fit::noise_of_series(&values).max(model_error);
     let mut stuck = filled(&values, model_error);
-    if is_position(channel) {
+    if Channel::POSITIONS.contains(&channel) {
         merge(&mut stuck, repeating(&values, least));
     }
     let longest = ((LONGEST_S / record.sample_period_s()) as usize * fresh.len() / record.len()).max(1);
     let (least, longest) = match channel {
         Channel::Pressure => (PRESSURE_SHARE * rig.parameters.supply_pressure / OF_THREE, None),
-        channel => (least, is_position(channel).then_some(longest)),
+        channel => (least, Channel::POSITIONS.contains(&channel).then_some(longest)),
     };
     let spikes = spikes(&without(&values, stuck.iter().copied()), least, longest);
     let in_record =

@@ -305,7 +305,7 @@ impl Case {
             if noise == self.noise[0] && self.quantum > 0.0 {
                 quantise(values, self.quantum);
             }
-            if matches!(channel, Channel::UserPosition | Channel::RamPosition) {
+            if Channel::POSITIONS.contains(&channel) {
                 written(values);
             }
             if self.set.channels.contains(&channel) {
