@@ -228,6 +228,20 @@ fn it_tells_a_ram_in_the_column_of_the_user() {
 }
 
 #[test]
+fn columns_that_look_swapped_are_exchanged_with_each_other() {
+    let bench = Bench::new();
+    bench.noisy_record();
+    let notes = |columns: &[&str]| {
+        let checked = bench.run(&[&["check", "record.csv", "--json"], columns].concat()).done().json();
+        checked["records"][0]["notes"].to_string()
+    };
+    let swapped = notes(&["--columns", "lvdt_m=current_mA*1e-3,current_mA=lvdt_m*1e3"]);
+    let said = "lvdt_m and current_mA look swapped: `--columns 'lvdt_m=lvdt_m[mm],current_mA=current_mA[A]'`";
+    assert!(swapped.contains(said), "{swapped}");
+    assert!(!notes(&[]).contains("look swapped"));
+}
+
+#[test]
 fn what_is_clipped_tells_nothing_of_the_noise() {
     let bench = Bench::new();
     bench.noisy_record();
