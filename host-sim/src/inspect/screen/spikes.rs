@@ -30,8 +30,8 @@ pub(super) fn spikes(values: &[f64], least: f64, longest: Option<usize>) -> Vec<
         for first in 0..left.len() {
             // Only what departs from the samples before it starts a jump, however long that is.
             let departs =
-                departure(&left, first, (0..first).rev()).is_none_or(|departure| departure.abs() > jump);
-            let most = longest.filter(|_| departs).unwrap_or(1);
+                || departure(&left, first, (0..first).rev()).is_none_or(|departure| departure.abs() > jump);
+            let most = longest.filter(|_| departs()).unwrap_or(1);
             let ends = first..(first + most).min(left.len());
             let mut runs = ends.take_while(|&last| left[last].is_finite()).map(|last| first..last + 1);
             let is_spike = |run: &Range<usize>| {
